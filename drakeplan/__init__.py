@@ -1,0 +1,1 @@
+"""How to get there: search, motion, verification, playback and the command line."""

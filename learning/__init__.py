@@ -1,0 +1,1 @@
+"""Guess it quickly: learned stand-ins for the programs of `optimization`."""

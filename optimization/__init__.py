@@ -1,0 +1,1 @@
+"""Decide it exactly: one mathematical program per file, balance, posture and momentum."""

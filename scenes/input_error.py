@@ -1,0 +1,23 @@
+"""The one exception that means "the user's input is wrong", never "the program is"."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class InputError(ValueError):
+    """Bad input from outside: its text is one line that names the source, the key and what was expected.
+
+    The command line prints it and exits with 2.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:
+    """An `InputError` for a name that is not among `known`, with the nearest ones."""
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names
+    return InputError(f"unknown {kind} {name!r}: did you mean {', '.join(near)}?")

@@ -1,0 +1,80 @@
+"""A terrain, a robot's name, where it starts and where it should go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.contact import Contact
+from scenes.terrain import Terrain
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the robot begins.
+
+    Attributes:
+        xyz: (3,) mean of the feet [m]; z is a hint, the feet are set down on the terrain.
+        yaw: heading [rad].
+        stance: contacts given one by one instead; empty means "set the feet down at xyz".
+    """
+
+    xyz: tuple[float, float, float]
+    yaw: float = 0.0
+    stance: tuple[Contact, ...] = ()
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where the mean of the feet should end.
+
+    Attributes:
+        xyz: (3,) [m].
+        radius: horizontal distance that counts as there [m].
+        yaw: heading to end with [rad], None for any.
+    """
+
+    xyz: tuple[float, float, float]
+    radius: float = 0.2
+    yaw: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbance:
+    """Pushes that may happen in a region (Lin 2020 sec. 7.4).
+
+    Attributes:
+        impulses: (K, 3) [kg m/s].
+        probability: per 0.1 s [-].
+        box_size: (3,) [m] of the region, None for everywhere.
+        X_WR: (4, 4) pose of the region's centre in W.
+    """
+
+    impulses: np.ndarray
+    probability: float
+    box_size: tuple[float, float, float] | None = None
+    X_WR: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything a query needs but the options of the planner.
+
+    Attributes:
+        name: what plans are labelled with.
+        terrain: surfaces and obstacles.
+        start: None when the caller must give one.
+        goal: None when the caller must give one.
+        robot: name of a robot, None for the caller's choice.
+        disturbances: pushes by region.
+        notes: what was changed while reading it (flipped polygons and the like), one line each.
+    """
+
+    name: str
+    terrain: Terrain
+    start: Start | None = None
+    goal: Goal | None = None
+    robot: str | None = None
+    disturbances: tuple[Disturbance, ...] = ()
+    notes: tuple[str, ...] = ()
