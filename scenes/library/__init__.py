@@ -1,0 +1,30 @@
+"""The named scenes, one family per file; each is a function of a seed, and its docstring's first line describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from scenes.library import (
+    flat,
+    narrow_flat,
+    random_surfaces,
+    rubble_corridor,
+    rubble_field,
+    stairs,
+    steep_slope,
+    tilted_slab,
+    wide_gap,
+)
+from scenes.scene import Scene
+
+NAMED_SCENES: dict[str, Callable[[int], Scene]] = {
+    "flat": flat.named,
+    "stairs": stairs.named,
+    "rubble_field": rubble_field.named,
+    "rubble_corridor": rubble_corridor.named,
+    "wide_gap": wide_gap.named,
+    "steep_slope": steep_slope.named,
+    "narrow_flat": narrow_flat.named,
+    "tilted_slab": tilted_slab.named,
+    "random_surfaces": random_surfaces.named,
+}

@@ -1,0 +1,72 @@
+"""Randomly tilted quadrilaterals that cover and cut each other (Lin 2020 sec. 4.6.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.library.plates import GOAL_RADIUS, MAX_RISE, MAX_TILT, START, level_plate, tilted_plate
+from scenes.scene import Goal, Scene
+from scenes.surface import Surface
+from scenes.terrain import Terrain
+
+# The paper gives the length (2 to 4 m), quadrilaterals, random tilts and that they cover and intersect each other.
+# Its sizes, density and walls are only in figure 4.4: what stands here is ours.
+LENGTH = (2.0, 4.0)  # [m] of the rubble between the platforms
+HALF_WIDTH = 0.6  # [m] of the rubble and of the platforms
+NEAR_EDGE = 0.4  # [m]
+PLATFORM = 0.8  # [m] length of either platform
+EDGE = (0.3, 0.6)  # [m] of a quadrilateral before its corners are moved
+CORNER_SHIFT = 0.15  # of an edge: how far a corner moves; below 1/4 a quadrilateral stays convex
+GROUND_DENSITY = 9.0  # quadrilaterals per m^2 of ground: about 1.7 layers
+WALL_DENSITY = 3.0  # quadrilaterals per metre of wall
+WALL_DISTANCE, PALM_HEIGHT = 0.75, (1.1, 1.6)  # [m]
+
+
+def named(seed: int = 0) -> Scene:
+    """2 to 4 m of randomly tilted quadrilaterals that cover and cut each other, walls at both sides (Lin 2020 4.6.1)."""
+    rng = np.random.default_rng(seed)
+    length = float(rng.uniform(*LENGTH))
+    far_edge = NEAR_EDGE + length
+    side = (-HALF_WIDTH, HALF_WIDTH)
+    surfaces = (
+        level_plate("start_platform", (NEAR_EDGE - PLATFORM, NEAR_EDGE), side),
+        *_ground(rng, length),
+        *_wall(rng, "right", -1.0, length),
+        *_wall(rng, "left", 1.0, length),
+        level_plate("goal_platform", (far_edge, far_edge + PLATFORM), side),
+    )
+    goal = Goal((far_edge + PLATFORM / 2, 0.0, 0.0), GOAL_RADIUS)
+    return Scene("random_surfaces", Terrain(surfaces), START, goal)
+
+
+def _quadrilateral(rng: np.random.Generator) -> np.ndarray:
+    """(4, 2) corners of a convex quadrilateral: a rectangle whose corners have moved a little [m]."""
+    length, width = rng.uniform(*EDGE, 2)
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    return (corners + rng.uniform(-CORNER_SHIFT, CORNER_SHIFT, (4, 2))) * (length, width)
+
+
+def _ground(rng: np.random.Generator, length: float) -> list[Surface]:
+    """Quadrilaterals whose centres are spread evenly over the rubble, turned to any yaw."""
+    count = int(round(GROUND_DENSITY * 2 * HALF_WIDTH * length))
+    quads = []
+    for i in range(count):
+        # One stratum of the length each, so that no seed leaves a hole by clustering.
+        x = NEAR_EDGE + length * (i + rng.uniform()) / count
+        centre = (x, rng.uniform(-HALF_WIDTH, HALF_WIDTH), rng.uniform(-MAX_RISE, MAX_RISE))
+        roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2)
+        quads.append(tilted_plate(f"quad_{i}", centre, _quadrilateral(rng), roll, pitch, rng.uniform(-np.pi, np.pi)))
+    return quads
+
+
+def _wall(rng: np.random.Generator, side: str, sign: float, length: float) -> list[Surface]:
+    """Quadrilaterals turned to the rubble, at heights that palms reach."""
+    count = int(round(WALL_DENSITY * length))
+    panels = []
+    for i in range(count):
+        x = NEAR_EDGE + length * (i + rng.uniform()) / count
+        centre = (x, sign * (WALL_DISTANCE + rng.uniform(-MAX_RISE, MAX_RISE)), rng.uniform(*PALM_HEIGHT))
+        roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2)
+        upright = sign * np.pi / 2 + roll
+        panels.append(tilted_plate(f"{side}_panel_{i}", centre, _quadrilateral(rng), upright, pitch))
+    return panels
