@@ -43,7 +43,7 @@ class Schedule:
 
     Attributes:
         stances: the sequence, consecutive ones differ in one end effector.
-        contacts: every contact once, in the order of first use.
+        contacts: in the order of first use; one that is broken and made again at the same place comes twice.
         stance_contact: (S, E) index into `contacts` or -1.
         phases: contiguous, 2 S - 1 of them, the first starts at 0.
     """
@@ -117,14 +117,18 @@ def make_schedule(
     shifts, swings = np.broadcast_to(shift, num), np.broadcast_to(swing, num)
     if rest <= 0 or (num and min(shifts.min(), swings.min()) <= 0):
         raise ValueError("every phase needs a positive duration")
-    contacts: dict[Contact, int] = {}
+    contacts: list[Contact] = []
     table = np.full((len(stances), len(EFFECTORS)), -1)
     for s, stance in enumerate(stances):
         if stance.contacts[0] is None or stance.contacts[1] is None:
             raise ValueError(f"stance {s} has a foot in the air")
         for e, contact in enumerate(stance.contacts):
-            if contact is not None:
-                table[s, e] = contacts.setdefault(contact, len(contacts))
+            if contact is None:
+                continue
+            held = s > 0 and stances[s - 1].contacts[e] == contact
+            table[s, e] = table[s - 1, e] if held else len(contacts)
+            if not held:
+                contacts.append(contact)
     phases: list[Phase] = []
     t = 0.0
     for k in range(num):

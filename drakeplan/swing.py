@@ -1,0 +1,282 @@
+"""The curve of an end effector from one contact to the next, clear of the terrain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from scenes.contact import Contact
+from scenes.packed_terrain import PackedTerrain, near, polygon_meets_box
+
+RISE = 0.4  # share of the swing in which the effector leaves along the old normal, and lands along the new one
+TRAVELS = np.array([0.1, 0.22])  # share at either end in which it moves along the normal alone; the usual one first
+LATE = 0.05  # [m] of height that the usual share of travel is worth: a late one travels faster
+LIFTS = np.array([0.05, 0.08, 0.11, 0.14, 0.18, 0.22, 0.27, 0.32, 0.38])  # [m] tried from the lowest
+SIDES = np.array([0.0, 0.05, 0.10, 0.15])  # [m] away from the other foot, tried in this order
+SAMPLES = 33  # poses tested along the curve; two of them are never further apart than a third of a sole
+GRAZE = 0.003  # [m] what a contact's neighbours may rise above its patch, as in scenes.projection
+HOVER = 0.10  # [m] where a palm waits before its wall and after it
+SHIN_HALF, SHIN_TOP = 0.055, 0.40  # [m] half width and height of the box that stands for the standing leg
+
+
+@dataclass(frozen=True, eq=False)
+class SwingCurve:
+    """An end effector's pose over a swing, u from 0 to 1.
+
+        p(u) = p_A + lift n_A s(u / RISE) + (p_B + lower n_B - p_A - lift n_A) s(v)
+               - lower n_B s((u - 1 + RISE) / RISE) + side b(v),        v = (u - travel) / (1 - 2 travel)
+        R(u) = R_A exp(theta s(v))
+
+    with s the quintic smooth step and b a smooth bump between the ends of the travel. Each term has zero velocity and
+    acceleration at its ends, so the curve leaves p_A along its normal n_A and lands on p_B along n_B at rest.
+
+    Attributes:
+        X_WA, X_WB: (4, 4) first and last pose [m]; z axes are the contact normals.
+        lift, lower: heights over the first and the last contact [m].
+        side: (3,) greatest sideways displacement in W [m].
+        travel: share of the swing at either end in which it moves along the normal alone.
+        clear: whether no sample meets the terrain.
+    """
+
+    X_WA: np.ndarray
+    X_WB: np.ndarray
+    lift: float
+    lower: float
+    side: np.ndarray
+    travel: float = TRAVELS[0]
+    clear: bool = True
+
+    def poses(self, u: np.ndarray) -> np.ndarray:
+        """(n, 4, 4) pose in W at every u (n,) in [0, 1]."""
+        u = np.ascontiguousarray(np.clip(u, 0.0, 1.0))
+        return _curve(self.X_WA, self.X_WB, self.lift, self.lower, np.asarray(self.side, float), self.travel, u)
+
+
+def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
+    """Leaves the contact along its normal up to `height` [m] and comes back: the wall end of a free palm's way.
+
+    A palm that makes a contact follows the second half, one that breaks a contact the first.
+    """
+    return SwingCurve(contact.X_WC, contact.X_WC, height, height, np.zeros(3))
+
+
+def plan_swing(
+    packed: PackedTerrain,
+    before: Contact,
+    after: Contact,
+    half_extent: tuple[float, float],
+    thickness: float,
+    *,
+    clearance: float = 0.025,
+    other: Contact | None = None,
+    raised: float = 0.0,
+    pushed: float = 0.0,
+) -> SwingCurve:
+    """The lowest curve whose moving box keeps `clearance` to the terrain and does not meet the standing leg.
+
+    The box is the patch with `thickness` above it; its margin grows from nothing at the contacts to `clearance`.
+
+    Args:
+        half_extent: half length and half width of the patch [m].
+        thickness: height of the foot or hand above the patch [m].
+        clearance: margin to the terrain, below and at the sides [m].
+        other: the contact of the other foot, whose foot and shin are in the way; None for palms.
+        raised: added to both heights [m], for a caller who knows that the lowest curve does not do.
+        pushed: added to the sideways displacement [m].
+
+    Returns:
+        `clear` is False where every curve tried meets something; it is then the one that meets it at fewest samples.
+    """
+    X_WA, X_WB = before.X_WC, after.X_WC
+    away = _away(X_WA, X_WB, other)
+    blocks = np.zeros((0, 4, 3)) if other is None else _standing_leg(other)
+    box = np.array([*half_extent, thickness, clearance])
+    reach = float(np.hypot(*half_extent)) + clearance + SIDES[-1] + abs(pushed)
+    low = np.minimum(X_WA[:2, 3], X_WB[:2, 3]) - reach - LIFTS[-1]
+    high = np.maximum(X_WA[:2, 3], X_WB[:2, 3]) + reach + LIFTS[-1]
+    around = near(packed, low[0], low[1], high[0], high[1])
+    lift, lower, push, travel, hits = _lowest(packed, around, blocks, X_WA, X_WB, away, box, raised, pushed)
+    return SwingCurve(X_WA, X_WB, lift, lower, push * away, travel, clear=hits == 0)
+
+
+def mirrored(curve: SwingCurve) -> SwingCurve:
+    """The same way walked from its end to its start."""
+    return replace(curve, X_WA=curve.X_WB, X_WB=curve.X_WA, lift=curve.lower, lower=curve.lift)
+
+
+def _away(X_WA: np.ndarray, X_WB: np.ndarray, other: Contact | None) -> np.ndarray:
+    """(3,) horizontal unit vector from the standing foot to the way's middle, square to the way; for palms, W's x."""
+    if other is None:
+        return X_WA[:3, 2] * 1.0
+    way = X_WB[:3, 3] - X_WA[:3, 3]
+    away = 0.5 * (X_WA[:3, 3] + X_WB[:3, 3]) - other.p_WC
+    way[2] = away[2] = 0.0
+    if np.linalg.norm(way) > 0.02:
+        way /= np.linalg.norm(way)
+        away -= (away @ way) * way
+    length = np.linalg.norm(away)
+    side = other.R_WC[:, 1] * (1.0 if other.effector.startswith("right") else -1.0)
+    return away / length if length > 0.02 else side / np.linalg.norm(side)
+
+
+def _standing_leg(other: Contact) -> np.ndarray:
+    """(4, 4, 3) upright faces of a box around the standing ankle and shin [m]."""
+    corners = SHIN_HALF * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    ring = other.p_WC + corners @ other.R_WC[:, :2].T
+    top = ring + [0.0, 0.0, SHIN_TOP]
+    return np.array([[ring[i], ring[i - 3], top[i - 3], top[i]] for i in range(4)])
+
+
+@njit(cache=True)
+def smooth_step(x: float) -> float:
+    """Quintic from 0 to 1 with zero slope and curvature at both ends, constant outside [0, 1]."""
+    if x <= 0.0:
+        return 0.0
+    if x >= 1.0:
+        return 1.0
+    return x * x * x * (10.0 + x * (6.0 * x - 15.0))
+
+
+@njit(cache=True)
+def _curve(
+    X_WA: np.ndarray, X_WB: np.ndarray, lift: float, lower: float, side: np.ndarray, travel: float, u: np.ndarray
+) -> np.ndarray:
+    R_WA, R_WB = np.ascontiguousarray(X_WA[:3, :3]), np.ascontiguousarray(X_WB[:3, :3])
+    theta = _rotation_vector(R_WA.T @ R_WB)
+    angle = np.sqrt(theta @ theta)
+    poses = np.zeros((u.shape[0], 4, 4))
+    for i in range(u.shape[0]):
+        v = min(max((u[i] - travel) / (1.0 - 2.0 * travel), 0.0), 1.0)
+        s = smooth_step(v)
+        rise = smooth_step(u[i] / RISE)
+        fall = smooth_step((u[i] - 1.0 + RISE) / RISE)
+        bump = 64.0 * (v * (1.0 - v)) ** 3
+        for a in range(3):
+            up_a, up_b = lift * X_WA[a, 2], lower * X_WB[a, 2]
+            way = X_WB[a, 3] + up_b - X_WA[a, 3] - up_a
+            poses[i, a, 3] = X_WA[a, 3] + up_a * rise + way * s - up_b * fall + side[a] * bump
+        poses[i, :3, :3] = R_WA @ _rotation(theta, angle, s)
+        poses[i, 3, 3] = 1.0
+    return poses
+
+
+@njit(cache=True)
+def _rotation_vector(R: np.ndarray) -> np.ndarray:
+    """(3,) axis times angle [rad] of a rotation matrix; any axis of the two at exactly half a turn."""
+    w = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) * 0.5
+    sine = np.sqrt(w @ w)
+    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    angle = np.arctan2(sine, cosine)
+    if sine > 1e-8:
+        return w * (angle / sine)
+    if cosine > 0.0:
+        return w
+    axis = np.sqrt(np.maximum((np.diag(R) + 1.0) * 0.5, 0.0))
+    k = int(np.argmax(axis))
+    for a in range(3):
+        if a != k and R[a, k] < 0.0:
+            axis[a] = -axis[a]
+    return axis * np.pi
+
+
+@njit(cache=True)
+def _rotation(theta: np.ndarray, angle: float, s: float) -> np.ndarray:
+    """(3, 3) rotation by s times the rotation vector theta of length `angle` (Rodrigues)."""
+    R = np.eye(3)
+    if angle < 1e-12:
+        return R
+    k = theta / angle
+    K = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
+    return R + np.sin(s * angle) * K + (1.0 - np.cos(s * angle)) * (K @ K)
+
+
+@njit(cache=True)
+def _lowest(
+    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WA: np.ndarray, X_WB: np.ndarray,
+    away: np.ndarray, box: np.ndarray, raised: float, pushed: float,
+) -> tuple[float, float, float, float, int]:  # fmt: skip
+    """(lift, lower, push, travel, hits) of the cheapest clear curve at the least push, else of the one with fewest hits.
+
+    The heights grow one at a time: the first while the first half meets something, the second while the second does.
+    """
+    u = np.linspace(0.0, 1.0, SAMPLES)
+    free = np.array([_free_margin(packed, around, blocks, X, box) for X in (X_WA, X_WB)])
+    best, cost = (LIFTS[0] + raised, LIFTS[0] + raised, pushed, TRAVELS[0], SAMPLES + 1), np.inf
+    for push in SIDES:
+        side = (push + pushed) * away
+        for travel in TRAVELS:
+            i = j = 0
+            while i < LIFTS.shape[0] and j < LIFTS.shape[0]:
+                lift, lower = LIFTS[i] + raised, LIFTS[j] + raised
+                poses = _curve(X_WA, X_WB, lift, lower, side, travel, u)
+                early, late = _hits(packed, around, blocks, poses, u, box, free, travel)
+                price = lift + lower + (LATE if travel > TRAVELS[0] else 0.0)
+                if early + late < best[4] or (early + late == 0 and price < cost):
+                    best = (lift, lower, push + pushed, travel, early + late)
+                    cost = price if early + late == 0 else np.inf
+                if early + late == 0:
+                    break
+                i += 1 if early > 0 else 0
+                j += 1 if late > 0 else 0
+        if best[4] == 0:
+            break
+    return best
+
+
+@njit(cache=True)
+def _hits(
+    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, poses: np.ndarray, u: np.ndarray, box: np.ndarray,
+    free: np.ndarray, travel: float,
+) -> tuple[int, int]:  # fmt: skip
+    """Samples of the first and of the second half whose box meets a polygon of the terrain or a block.
+
+    Below, the margin grows from nothing as the effector rises; at the sides it grows from what the contact has
+    (`free`), as a foot beside a riser can only rise.
+    """
+    early = late = 0
+    for i in range(u.shape[0]):
+        margin = box[3] * smooth_step(min(u[i], 1.0 - u[i]) / RISE)
+        beside = free[0] if u[i] <= 0.5 else free[1]
+        beside += (box[3] - beside) * smooth_step(2.0 * (min(u[i], 1.0 - u[i]) - travel) / (1.0 - 2.0 * travel))
+        low = GRAZE * (1.0 - margin / box[3]) - margin if box[3] > 0.0 else GRAZE
+        if _meets(packed, around, blocks, poses[i], box, low, margin, beside):
+            early += 1 if u[i] <= 0.5 else 0
+            late += 1 if u[i] >= 0.5 else 0
+    return early, late
+
+
+@njit(cache=True)
+def _free_margin(
+    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WC: np.ndarray, box: np.ndarray
+) -> float:
+    """Margin at the sides that a contact leaves while the effector rises [m]: a share of `clearance`, else a graze."""
+    for share in (1.0, 0.5, 0.25, 0.0):
+        if not _meets(packed, around, blocks, X_WC, box, GRAZE, LIFTS[-1], share * box[3]):
+            return share * box[3]
+    return -GRAZE
+
+
+@njit(cache=True)
+def _meets(
+    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WC: np.ndarray, box: np.ndarray,
+    z_low: float, above: float, beside: float,
+) -> bool:  # fmt: skip
+    """Whether the box over the patch, from z_low to its thickness and `above`, wider by `beside`, meets a polygon."""
+    work = np.empty((2, packed.vertices.shape[1] + 10, 3))
+    low = np.array([-box[0] - beside, -box[1] - beside, z_low])
+    high = np.array([box[0] + beside, box[1] + beside, box[2] + above])
+    p, R = X_WC[:3, 3].copy(), X_WC[:3, :3].copy()
+    reach = np.sqrt(high[0] ** 2 + high[1] ** 2 + max(high[2], -z_low) ** 2)
+    for k in around:
+        apart = False
+        for a in range(3):
+            if packed.low[k, a] > p[a] + reach or packed.high[k, a] < p[a] - reach:
+                apart = True
+        if not apart and polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
+            return True
+    for k in range(blocks.shape[0]):
+        if polygon_meets_box(blocks[k], 4, R, p, low, high, work):
+            return True
+    return False
