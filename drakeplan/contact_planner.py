@@ -1,0 +1,135 @@
+"""Finds the contact sequence: where feet and palms go, one after the other (Lin 2020 ch. III and sec. 6.4)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights, State
+from drakeplan.contact_pool import ContactPool
+from drakeplan.search.ana_star import AnaStar, Limits
+from drakeplan.start_stance import check_goal, start_stance
+from drakeplan.transition_check import TransitionCheck
+from optimization.whole_body_ik import WholeBodyIK
+from scenes.packed_terrain import pack_terrain
+from scenes.robot import Robot
+from scenes.scene import Scene
+from scenes.stance import Stance
+from scenes.transition_model import TransitionModel, transition_model
+
+
+@dataclass(frozen=True)
+class ContactPlannerOptions:
+    """How to search.
+
+    Attributes:
+        cone: friction cone by name (DESIGN: inner, square, second_order, diamond).
+        heuristic: "grid" (6.7), "euclidean" (3.3) or "admissible".
+        weights: of the edge cost (3.2).
+        epsilon: probability of a random expansion (Lin 2020 sec. 6.4).
+        seed: of that choice.
+        use_palms: whether palms may be used at all.
+    """
+
+    cone: str = "inner"
+    heuristic: HeuristicName = "grid"
+    weights: PlannerWeights = PlannerWeights()
+    epsilon: float = 0.1
+    seed: int = 0
+    use_palms: bool = True
+
+
+@dataclass(frozen=True)
+class ContactPlan:
+    """A contact sequence that passed inverse kinematics and balance at both critical configurations of each step.
+
+    Attributes:
+        stances: from start to goal, consecutive ones differ in one end effector.
+        states: the search's own names for them.
+        cost: sum of the edge costs (3.2).
+        bound: at most this many times the optimum; None where the heuristic gives no guarantee.
+        expansions: nodes expanded until it was found.
+        elapsed: seconds since planning began (terrain packed, grid, search; not loading).
+    """
+
+    stances: tuple[Stance, ...]
+    states: tuple[State, ...]
+    cost: float
+    bound: float | None
+    expansions: int
+    elapsed: float
+
+    @property
+    def palms_used(self) -> int:
+        """Transitions that make or move a palm contact."""
+        return sum(1 for s in self.states[1:] if s[4] >= 2 and s[s[4]] >= 0)
+
+
+class ContactPlanner:
+    """One query: a scene, a robot and options; iterate over `plans`.
+
+    Raises:
+        InputError: start or goal missing or off the terrain.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        robot: Robot,
+        ik: WholeBodyIK,
+        options: ContactPlannerOptions | None = None,
+        model: TransitionModel | None = None,
+    ) -> None:
+        self._began = time.perf_counter()
+        self.options = options or ContactPlannerOptions()
+        self.packed = pack_terrain(scene.terrain)
+        self.start = start_stance(scene, self.packed, robot)
+        goal = check_goal(scene, self.packed, robot)
+        self.pool = ContactPool(self.packed)
+        self.check = TransitionCheck(self.pool, robot, ik, self.options.cone)
+        self.domain = ContactDomain(
+            self.packed, robot, goal, model or transition_model(), self.check, self.options.weights,
+            self.options.heuristic, self.options.use_palms,
+        )  # fmt: skip
+        numbers = [-1 if c is None else self.pool.add_contact(c) for c in self.start.contacts]
+        self._start_state: State = (numbers[0], numbers[1], numbers[2], numbers[3], -1)
+        self.search: AnaStar[State] | None = None
+
+    def start_problem(self) -> str:
+        """Why the robot cannot stand at the start, "" if it can."""
+        reason = self.check.stance(self._start_state[:4])
+        return reason and f"start infeasible: {reason}"
+
+    def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
+        """Yields ever cheaper plans until a limit fires; `why_not` explains the lack of one."""
+        self.search = AnaStar(
+            self.domain, self._start_state, self.options.epsilon, self.options.seed, limits, clock=clock
+        )
+        for found in self.search.run():
+            stances = tuple(self._stance(s) for s in found.path)
+            bound = found.bound if self.options.heuristic == "admissible" else None
+            elapsed = clock() - self._began
+            yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed)
+
+    def forbid(self, before: State, after: State) -> None:
+        """Bars a transition that failed a later, stricter check, so that the next search goes round it."""
+        self.domain.forbidden.add((before, after))
+
+    def why_not(self) -> str:
+        """Why there is no plan, in one line."""
+        if not np.isfinite(self.domain.heuristic([self._start_state])[0]):
+            return "goal unreachable on the grid: no way for the torso from start to goal over ground in reach"
+        search = self.search
+        if search is None:
+            return "not searched yet"
+        if search.ended_by in ("deadline", "cancelled", "expansions"):
+            limit = {"deadline": "deadline", "cancelled": "cancelled", "expansions": "expansion budget spent"}
+            return f"{limit[search.ended_by]} after {search.expansions} expansions"
+        counts = ", ".join(f"{name} {count}" for name, count in self.domain.rejections.most_common() if count)
+        return f"search exhausted after {search.expansions} expansions; candidates rejected by: {counts or 'nothing'}"
+
+    def _stance(self, state: State) -> Stance:
+        return Stance(tuple(None if n < 0 else self.pool.contact(n) for n in state[:4]))

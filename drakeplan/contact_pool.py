@@ -1,0 +1,92 @@
+"""Every contact that a search has met, by number, so that a stance is a handful of integers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.contact import Contact
+from scenes.effector import EFFECTORS
+from scenes.packed_terrain import PackedTerrain
+
+CELL = 0.02  # [m] contacts of one end effector nearer than this, on one surface, are one contact
+TURN = np.deg2rad(5.0)  # the same for the heading of a foot
+
+
+class ContactPool:
+    """Contacts by number, with their poses in growing arrays.
+
+    Attributes:
+        p: (n, 3) contact points in W [m].
+        R: (n, 3, 3) contact frames in W.
+        yaw: (n,) headings [rad].
+        surface: (n,) surface indices.
+        effector: (n,) indices into `EFFECTORS`.
+    """
+
+    def __init__(self, packed: PackedTerrain) -> None:
+        self._packed = packed
+        self._number: dict[tuple[int, ...], int] = {}
+        self.size = 0
+        self._p, self._R = np.zeros((256, 3)), np.zeros((256, 3, 3))
+        self._yaw, self._surface, self._effector = np.zeros(256), np.zeros(256, int), np.zeros(256, int)
+
+    @property
+    def p(self) -> np.ndarray:
+        return self._p[: self.size]
+
+    @property
+    def R(self) -> np.ndarray:
+        return self._R[: self.size]
+
+    @property
+    def yaw(self) -> np.ndarray:
+        return self._yaw[: self.size]
+
+    @property
+    def surface(self) -> np.ndarray:
+        return self._surface[: self.size]
+
+    @property
+    def effector(self) -> np.ndarray:
+        return self._effector[: self.size]
+
+    def add(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: np.ndarray, surface: np.ndarray) -> np.ndarray:
+        """(n,) numbers of these contacts (n poses of one end effector); near duplicates get the number of the first."""
+        cells = np.round(p / CELL).astype(int).tolist()
+        turns = np.round(yaw / TURN).astype(int).tolist()
+        numbers = np.empty(len(p), int)
+        for k, ((i, j, m), turn, s) in enumerate(zip(cells, turns, surface.tolist(), strict=True)):
+            key = (effector, s, i, j, m, turn)
+            number = self._number.get(key)
+            if number is None:
+                number = self._append(effector, p[k], R[k], float(yaw[k]), s)
+                self._number[key] = number
+            numbers[k] = number
+        return numbers
+
+    def add_contact(self, contact: Contact) -> int:
+        """The number of a given contact, kept exactly as it is."""
+        number = self._append(
+            EFFECTORS.index(contact.effector), contact.p_WC, contact.R_WC, contact.heading, contact.surface
+        )
+        return number
+
+    def contact(self, number: int) -> Contact:
+        """The contact of this number."""
+        X_WC = np.eye(4)
+        X_WC[:3, :3], X_WC[:3, 3] = self._R[number], self._p[number]
+        surface = int(self._surface[number])
+        effector = EFFECTORS[self._effector[number]]
+        return Contact(effector, surface, X_WC, float(self._packed.friction[surface]), float(self._yaw[number]))
+
+    def _append(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: float, surface: int) -> int:
+        if self.size == len(self._p):
+            for name in ("_p", "_R", "_yaw", "_surface", "_effector"):
+                old = getattr(self, name)
+                grown = np.zeros((2 * len(old), *old.shape[1:]), old.dtype)
+                grown[: len(old)] = old
+                setattr(self, name, grown)
+        k = self.size
+        self._p[k], self._R[k], self._yaw[k], self._surface[k], self._effector[k] = p, R, yaw, surface, effector
+        self.size += 1
+        return k
