@@ -107,8 +107,8 @@ def test_the_whole_sole_stays_above_a_step_of_known_height(height, gap):
     for curve in (up, down):
         assert curve.clear
         poses = curve.poses(np.linspace(0.0, 1.0, 201))
-        assert lowest_sole_point_over(poses, riser, 2.0) > height - 0.004
-        assert lowest_sole_point_over(poses[40:-40], riser, 2.0) > height
+        assert lowest_sole_point_over(poses, riser + 0.004, 2.0) > height - 0.004
+        assert lowest_sole_point_over(poses[40:-40], riser + 0.004, 2.0) > height
 
 
 def test_it_steps_over_an_obstacle_between_two_footholds_with_the_clearance():
