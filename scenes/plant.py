@@ -1,18 +1,47 @@
-"""Drake's plant of a robot, with the terrain in SceneGraph for collision and display."""
+"""Drake's plant of a robot, with the terrain in SceneGraph for collision and display.
+
+Everything that stands still is on the world body, so Drake leaves terrain against terrain out by itself.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
-from pydrake.geometry import Meshcat, SceneGraph
+from pydrake.geometry import (
+    Box as DrakeBox,
+    Convex,
+    GeometryId,
+    InMemoryMesh,
+    Mesh,
+    Meshcat,
+    MeshcatVisualizer,
+    SceneGraph,
+    Shape,
+)
+from pydrake.common import MemoryFile
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from scenes.effector import EFFECTORS, is_foot
 from scenes.robot import Robot
-from scenes.terrain import Terrain
+from scenes.surface import Surface
+from scenes.terrain import Box, Terrain, TriangleMesh
+
+THICKNESS = 0.02  # [m] how far a plate or a mesh's face reaches behind its face
+MIN_ALTITUDE = 1e-4  # [m] triangles flatter than this hold no prism; their neighbours cover them
+OBSTACLE_FRICTION = 0.5  # [-] nothing is planned to touch them
+
+# RGBA. Stones alternate so that neighbours can be told apart; walls let the robot behind them shine through.
+STONES = ((0.62, 0.60, 0.56, 1.0), (0.55, 0.54, 0.52, 1.0), (0.69, 0.66, 0.60, 1.0), (0.58, 0.61, 0.60, 1.0))
+WALL = (0.55, 0.66, 0.78, 0.55)
+UNUSED = (0.45, 0.45, 0.47, 1.0)
+OBSTACLE = (0.50, 0.47, 0.44, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,19 +50,47 @@ class RobotPlant:
 
     Attributes:
         robot: whose model it is.
+        terrain: what stands around it, None for nothing.
         plant: robot positions first, so q is the same with and without terrain.
         scene_graph: robot and terrain, roles proximity and illustration.
         diagram: both.
+        surface_geometry: (S) proximity geometry of each surface's plate; None where a mesh is its body.
+        terrain_geometry: name of everything that stands still, by proximity geometry.
     """
 
     robot: Robot
+    terrain: Terrain | None
     plant: MultibodyPlant
     scene_graph: SceneGraph
     diagram: Diagram
+    surface_geometry: tuple[GeometryId | None, ...]
+    terrain_geometry: dict[GeometryId, str]
+
+    @cached_property
+    def effector_bodies(self) -> tuple[RigidBody, ...]:
+        """The bodies whose frames are the contact frames, in the order of `EFFECTORS`."""
+        return tuple(self.plant.GetBodyByName(e.frame) for e in self.robot.effectors)
+
+    @cached_property
+    def effector_geometry(self) -> tuple[frozenset[GeometryId], ...]:
+        """Proximity geometries that move as one with each contact frame, in the order of `EFFECTORS`."""
+        return tuple(
+            frozenset(
+                g for b in self.plant.GetBodiesWeldedTo(body) for g in self.plant.GetCollisionGeometriesForBody(b)
+            )
+            for body in self.effector_bodies
+        )
 
     def new_context(self) -> Context:
         """A fresh context of the diagram."""
         return self.diagram.CreateDefaultContext()
+
+    def body_of(self, geometry: GeometryId) -> str:
+        """Name of the terrain piece or the robot's body that a proximity geometry belongs to."""
+        if geometry in self.terrain_geometry:
+            return self.terrain_geometry[geometry]
+        inspector = self.scene_graph.model_inspector()
+        return self.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
 
     def nominal_positions(self) -> np.ndarray:
         """(nq,) the nominal posture with the soles at z = 0 and the mean of the feet at the origin."""
@@ -42,16 +99,98 @@ class RobotPlant:
             self.plant.GetJointByName(name).set_angle(context, angle)
         base = self.plant.GetBodyByName(self.robot.base_body)
         self.plant.SetFreeBodyPose(context, base, RigidTransform())
-        feet = [self.plant.GetBodyByName(e.frame) for e in self.robot.effectors[:2]]
-        p_BF = [self.plant.EvalBodyPoseInWorld(context, f).translation() for f in feet]
+        p_BF = [self.plant.EvalBodyPoseInWorld(context, foot).translation() for foot in self.effector_bodies[:2]]
         self.plant.SetFreeBodyPose(context, base, RigidTransform(-np.mean(p_BF, axis=0)))
         return self.plant.GetPositions(context).copy()
 
 
 def build_plant(robot: Robot, terrain: Terrain | None = None, *, meshcat: Meshcat | None = None) -> RobotPlant:
-    """Parses the robot and puts the terrain around it."""
+    """Parses the robot and puts the terrain around it.
+
+    A surface becomes a plate, an obstacle's triangle a prism, each a convex body `THICKNESS` deep behind its face; a box
+    stays a box. A surface that is the face of a mesh is not added: the mesh is its body.
+
+    Args:
+        robot: what to parse.
+        terrain: surfaces and obstacles, None for the robot alone.
+        meshcat: where to draw, None for nowhere.
+    """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
     Parser(plant).AddModels(str(robot.model))
+    surfaces: list[GeometryId | None] = []
+    names: dict[GeometryId, str] = {}
+    if terrain is not None:
+        for k, surface in enumerate(terrain.surfaces):
+            surfaces.append(None if terrain.surfaces_of_meshes[k] else _add_plate(plant, surface, STONES[k % len(STONES)]))
+            if surfaces[-1] is not None:
+                names[surfaces[-1]] = surface.name
+        for obstacle in terrain.obstacles:
+            names |= dict.fromkeys(_add_obstacle(plant, obstacle), obstacle.name)
     plant.Finalize()
-    return RobotPlant(robot, plant, scene_graph, builder.Build())
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    return RobotPlant(robot, terrain, plant, scene_graph, builder.Build(), tuple(surfaces), names)
+
+
+def prism(face: np.ndarray, normal: np.ndarray, depth: float = THICKNESS) -> np.ndarray:
+    """(2K, 3) vertices of the prism from a convex face (K, 3) to `depth` [m] behind it, against its normal (3,)."""
+    return np.concatenate([face, face - depth * normal])
+
+
+def _add_plate(plant: MultibodyPlant, surface: Surface, stone: tuple[float, ...]) -> GeometryId:
+    allowed = [e for e in EFFECTORS if surface.allows(e)]
+    colour = stone if any(map(is_foot, allowed)) else WALL if allowed else UNUSED
+    plate = Convex(prism(surface.vertices, surface.normal).T, _one_line(surface.name))
+    return _register(plant, plate, RigidTransform(), f"surface::{surface.name}", surface.friction, colour)
+
+
+def _add_obstacle(plant: MultibodyPlant, obstacle: Box | TriangleMesh) -> list[GeometryId]:
+    name = f"obstacle::{obstacle.name}"
+    if isinstance(obstacle, Box):
+        return [
+            _register(plant, DrakeBox(*obstacle.size), RigidTransform(obstacle.X_WO), name, OBSTACLE_FRICTION, OBSTACLE)
+        ]
+    faces = _solid_triangles(obstacle.faces)
+    looks = Mesh(InMemoryMesh(MemoryFile(_obj(faces), ".obj", _one_line(obstacle.name))))
+    plant.RegisterVisualGeometry(plant.world_body(), RigidTransform(), looks, name, np.array(OBSTACLE))
+    doubled = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
+    return [
+        _register(
+            plant, Convex(prism(face, normal).T, f"triangle {k}"), RigidTransform(), f"{name}::{k}", OBSTACLE_FRICTION
+        )
+        for k, (face, normal) in enumerate(zip(faces, normals, strict=True))
+    ]
+
+
+def _register(
+    plant: MultibodyPlant,
+    shape: Shape,
+    X_WG: RigidTransform,
+    name: str,
+    friction: float,
+    colour: Iterable[float] | None = None,
+) -> GeometryId:
+    world = plant.world_body()
+    if colour is not None:
+        plant.RegisterVisualGeometry(world, X_WG, shape, name, np.array(colour))
+    return plant.RegisterCollisionGeometry(world, X_WG, shape, name, CoulombFriction(friction, friction))
+
+
+def _solid_triangles(faces: np.ndarray) -> np.ndarray:
+    """The (K, 3, 3) triangles whose least altitude is worth a prism."""
+    edges = np.roll(faces, -1, axis=1) - faces
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    altitude = 2 * area / np.maximum(np.linalg.norm(edges, axis=2).max(axis=1), 1e-300)
+    return faces[altitude > MIN_ALTITUDE]
+
+
+def _obj(faces: np.ndarray) -> str:
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in faces.reshape(-1, 3)]
+    lines += [f"f {3 * k + 1} {3 * k + 2} {3 * k + 3}" for k in range(len(faces))]
+    return "\n".join(lines) + "\n"
+
+
+def _one_line(name: str) -> str:
+    return " ".join(name.split())
