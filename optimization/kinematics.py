@@ -231,7 +231,7 @@ def _moving_joints(plant: MultibodyPlant, base: RigidBody, children: dict[BodyIn
     waiting = [base.index()]
     while waiting:
         for joint in children.get(waiting.pop(), ()):
-            if not isinstance(joint, RevoluteJoint | PrismaticJoint | WeldJoint):
+            if joint.type_name() not in (RevoluteJoint.kTypeName, PrismaticJoint.kTypeName, WeldJoint.kTypeName):
                 raise ValueError(f"joint {joint.name()!r} is {joint.type_name()}, expected revolute, prismatic or weld")
             if not isinstance(joint, WeldJoint):
                 joints.append(joint)
