@@ -1,0 +1,142 @@
+"""Which contacts may carry load in each interval between knots: the data of a centroidal program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.contact import Contact
+from scenes.effector import EFFECTORS
+from scenes.input_error import InputError
+from scenes.stance import Stance, changed_effector
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSchedule:
+    """N knots, the contacts that may carry load between them, and the time between them.
+
+    Attributes:
+        contacts: the C contacts that occur, each once.
+        active: (N-1, E) index into `contacts`, or -1 where the end effector is free in that interval.
+        dt: (N-1,) length of each interval [s].
+    """
+
+    contacts: tuple[Contact, ...]
+    active: np.ndarray
+    dt: np.ndarray
+
+    def __post_init__(self) -> None:
+        active, dt = (
+            np.array(self.active, dtype=np.int64),
+            np.array(self.dt, dtype=float),
+        )
+        if active.ndim != 2 or active.shape[0] < 1 or active.shape[1] != len(EFFECTORS):
+            raise InputError(
+                f"contact schedule: expected at least one interval of {len(EFFECTORS)} end effectors"
+            )
+        if dt.shape != (len(active),) or not np.isfinite(dt).all() or (dt <= 0).any():
+            raise InputError(
+                "contact schedule: every interval needs a finite length dt > 0"
+            )
+        if active.min() < -1 or active.max() >= len(self.contacts):
+            raise InputError(
+                "contact schedule: an interval refers to a contact that does not exist"
+            )
+        for interval, effector in zip(*np.nonzero(active >= 0), strict=True):
+            contact = self.contacts[active[interval, effector]]
+            if contact.effector != EFFECTORS[effector]:
+                raise InputError(
+                    f"contact schedule: interval {interval} gives {EFFECTORS[effector]} a contact of {contact.effector}"
+                )
+        for array, name in ((active, "active"), (dt, "dt")):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def from_rows(
+        cls, rows: Sequence[Sequence[Contact | None]], dt: float | np.ndarray
+    ) -> ContactSchedule:
+        """One row of E contacts (None where free) for each interval.
+
+        Raises:
+            InputError: no rows, or a row that is not one entry per end effector.
+        """
+        index: dict[Contact, int] = {}
+        active = np.full((len(rows), len(EFFECTORS)), -1)
+        for n, row in enumerate(rows):
+            if len(row) != len(EFFECTORS):
+                raise InputError(
+                    f"contact schedule: interval {n} has {len(row)} entries, expected {len(EFFECTORS)}"
+                )
+            for e, contact in enumerate(row):
+                if contact is not None:
+                    active[n, e] = index.setdefault(contact, len(index))
+        return cls(
+            tuple(index), active, np.broadcast_to(np.asarray(dt, float), (len(rows),))
+        )
+
+    @classmethod
+    def from_stances(
+        cls,
+        stances: Sequence[Stance],
+        *,
+        dt: float,
+        shift_time: float,
+        swing_time: float,
+        settle: bool = True,
+    ) -> ContactSchedule:
+        """The documents' timing (Lin 2020 sec. 6.7): shift on each stance, then move one end effector to the next.
+
+        While it moves, an end effector carries no load. With `settle` the last stance is held for `shift_time` too.
+
+        Raises:
+            InputError: no stances.
+        """
+        if not stances:
+            raise InputError("contact schedule: the contact sequence is empty")
+        shift, swing = (max(1, round(time / dt)) for time in (shift_time, swing_time))
+        rows: list[Sequence[Contact | None]] = []
+        for before, after in zip(stances, stances[1:], strict=False):
+            moving = changed_effector(before, after)
+            rows += [before.contacts] * shift + [
+                before.replace(moving, None).contacts
+            ] * swing
+        if settle or len(stances) == 1:
+            rows += [stances[-1].contacts] * shift
+        return cls.from_rows(rows, dt)
+
+    @property
+    def num_knots(self) -> int:
+        """N: one more than there are intervals."""
+        return len(self.dt) + 1
+
+    @property
+    def times(self) -> np.ndarray:
+        """(N,) time of each knot, from zero [s]."""
+        return np.concatenate(([0.0], np.cumsum(self.dt)))
+
+    def poses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(C, 3) points p_WC [m], (C, 3, 3) orientations R_WC and (C,) friction of the contacts."""
+        if not self.contacts:
+            return np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0)
+        X_WC = np.stack([contact.X_WC for contact in self.contacts])
+        return (
+            X_WC[:, :3, 3],
+            X_WC[:, :3, :3],
+            np.array([contact.friction for contact in self.contacts]),
+        )
+
+    def feet_mean(self) -> np.ndarray:
+        """(N-1, 3) mean of the foot contact points in each interval [m], NaN where no foot is in contact."""
+        p_WC, _, _ = self.poses()
+        feet = self.active[:, :2]
+        held = (feet >= 0)[..., None]
+        points = (
+            np.where(held, p_WC[np.maximum(feet, 0)], 0.0)
+            if len(p_WC)
+            else np.zeros((*feet.shape, 3))
+        )
+        with np.errstate(invalid="ignore"):
+            return points.sum(axis=1) / held.sum(axis=1)

@@ -1,0 +1,150 @@
+"""Sequential convex programming with exact re-evaluation: Gauss-Newton, a line search, an L1 penalty.
+
+It knows nothing of what it solves. A model linearises itself about a point, offers the convex program, and says what a
+candidate really costs; the true merit alone decides what is accepted.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from optimization.solvers import ConvexSolver, SolveRecord
+
+STEPS = (1.0, 0.5, 0.25, 0.1)  # of the line search
+SUFFICIENT = (
+    1e-4  # a step must bring this part of the decrease that the convex program promised
+)
+SHRINK = (
+    0.25  # of the greatest change of the trusted variables after a failed line search
+)
+LEAST_RADIUS = 1e-4
+
+
+class Point(Protocol):
+    """A candidate with its true merit."""
+
+    @property
+    def merit(self) -> float:
+        """Cost plus penalty."""
+        ...
+
+    @property
+    def violation(self) -> float:
+        """The penalised violation alone, 0 where every penalised constraint holds."""
+        ...
+
+
+PointT = TypeVar("PointT", bound=Point)
+
+
+class SequentialModel(Protocol[PointT]):
+    """What `minimise` asks of a problem."""
+
+    def evaluate(self, x: np.ndarray) -> PointT:
+        """The point that the convex program's answer x stands for, recomputed exactly."""
+        ...
+
+    def between(self, start: PointT, end: PointT, step: float) -> PointT:
+        """The point at this part of the way; it satisfies every convex constraint that both ends satisfy."""
+        ...
+
+    def linearise(self, point: PointT) -> None:
+        """Updates the convex program about this point."""
+        ...
+
+    def trust(self, point: PointT | None, radius: float) -> None:
+        """Bounds the step from this point, or frees it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an iteration ended.
+
+    Attributes:
+        point: the best point, None where the first convex program had no answer.
+        converged: whether the last accepted step changed the merit by less than the tolerance.
+        reason: "converged", "first convex program failed", "no step improves", "iterations" or "time".
+        records: one per convex program.
+    """
+
+    point: object | None
+    converged: bool
+    reason: str
+    records: tuple[SolveRecord, ...]
+
+
+def minimise(
+    model: SequentialModel,
+    solver: ConvexSolver,
+    *,
+    max_iterations: int,
+    tolerance: float,
+    time_limit: float,
+    radius: float,
+    tight: float = 1e-6,
+) -> Outcome:
+    """Solves, re-evaluates, searches along the step and linearises again until the merit stands still.
+
+    Args:
+        model: linearised about its first guess.
+        solver: of the model's convex program.
+        max_iterations: most convex programs.
+        tolerance: relative decrease of the merit that counts as standing still.
+        time_limit: seconds after which no further convex program is started.
+        radius: first bound on the step once a line search has failed.
+        tight: violation that counts as none; until it is reached, standing still is measured ten times finer.
+    """
+    started = time.perf_counter()
+    records: list[SolveRecord] = []
+    point, bound = None, np.inf
+    for _ in range(max_iterations):
+        if time.perf_counter() - started > time_limit:
+            return Outcome(point, False, "time", tuple(records))
+        x, record = solver.solve()
+        records.append(record)
+        if point is None:
+            if x is None or not record.feasible:
+                return Outcome(
+                    None, False, "first convex program failed", tuple(records)
+                )
+            point = model.evaluate(x)
+            model.linearise(point)
+            continue
+        following = (
+            _search(model, point, model.evaluate(x))
+            if x is not None and record.feasible
+            else None
+        )
+        if following is None:
+            bound = min(bound * SHRINK, radius)
+            if bound < LEAST_RADIUS:
+                return Outcome(point, True, "no step improves", tuple(records))
+            model.trust(point, bound)
+            continue
+        decrease = point.merit - following.merit
+        point = following
+        model.linearise(point)
+        if np.isfinite(bound):
+            bound *= 2.0
+            model.trust(point, bound)
+        if decrease <= (
+            tolerance if point.violation <= tight else 0.1 * tolerance
+        ) * abs(point.merit):
+            return Outcome(point, True, "converged", tuple(records))
+    return Outcome(point, False, "iterations", tuple(records))
+
+
+def _search(model: SequentialModel, start: Point, end: Point) -> Point | None:
+    """The first point on the way to `end` that is better than `start`, None where there is none."""
+    for step in STEPS:
+        candidate = end if step == 1.0 else model.between(start, end, step)
+        if candidate.merit < start.merit - SUFFICIENT * step * max(
+            start.merit - end.merit, 0.0
+        ):
+            return candidate
+    return None

@@ -1,0 +1,213 @@
+"""The one file that chooses solvers.
+
+Data is checked before a solver sees it (SNOPT and CLP call a NaN cost a success), time limits and one thread are set,
+what was run is recorded, and the answer is checked against the program's own constraints: a solver's word is recorded,
+never believed.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.solvers import (
+    ClarabelSolver,
+    CommonSolverOption,
+    MathematicalProgram,
+    SolverOptions,
+)
+
+from optimization import piqp_adapter
+from optimization.quadratic_program import ProgramReader, QuadraticProgram, is_quadratic
+from scenes.input_error import InputError
+
+SOLVERS = ("auto", "piqp", "clarabel")
+
+
+@dataclass(frozen=True)
+class SolverOptionsRecord:
+    """How a convex program is to be solved.
+
+    Attributes:
+        solver: "auto" (PIQP where it is installed and the program is a quadratic one, else Clarabel), or by name.
+        tolerance: accuracy asked of the solver, in the program's own units.
+        time_limit: seconds after which the solver should give up.
+        max_iterations: of the interior-point method.
+        accept: greatest violation of any constraint at which an answer counts as feasible.
+    """
+
+    solver: str = "auto"
+    tolerance: float = 1e-8
+    time_limit: float = 30.0
+    max_iterations: int = 100
+    accept: float = 1e-6
+
+    def __post_init__(self) -> None:
+        if self.solver not in SOLVERS:
+            raise InputError(f"solver {self.solver!r} is none of {', '.join(SOLVERS)}")
+
+
+@dataclass(frozen=True)
+class SolveRecord:
+    """What was run and what it gave.
+
+    Attributes:
+        solver: name of the solver.
+        status: its own word for how it ended.
+        feasible: whether the answer satisfies the program's constraints, by our own check.
+        worst: greatest violation of a constraint, in the program's units; inf where there is no finite answer.
+        worst_constraint: name of the constraint that has it.
+        iterations: of the solver, or -1 where it does not say.
+        time: seconds in the solver.
+    """
+
+    solver: str
+    status: str
+    feasible: bool
+    worst: float
+    worst_constraint: str
+    iterations: int
+    time: float
+
+
+class ConvexSolver:
+    """Solves one convex MathematicalProgram, again and again as its coefficients change.
+
+    Quadratic programs go to PIQP or Clarabel, second-order cone programs to Clarabel. Between two solves no cost,
+    constraint or variable may be added to the program.
+    """
+
+    def __init__(
+        self, prog: MathematicalProgram, options: SolverOptionsRecord | None = None
+    ) -> None:
+        self.prog = prog
+        self.options = options or SolverOptionsRecord()
+        quadratic = is_quadratic(prog)
+        self.name = self._choose(quadratic)
+        self._reader = ProgramReader(prog) if quadratic else None
+        self._piqp = piqp_adapter.PiqpSolver() if self.name == "piqp" else None
+
+    def _choose(self, quadratic: bool) -> str:
+        asked = self.options.solver
+        if asked == "auto":
+            return "piqp" if quadratic and piqp_adapter.available() else "clarabel"
+        if asked == "piqp" and not piqp_adapter.available():
+            raise InputError(
+                "solver 'piqp' is not installed: install the extra 'fast', or choose 'clarabel'"
+            )
+        if asked == "piqp" and not quadratic:
+            raise InputError(
+                "solver 'piqp' takes linear and quadratic terms only: choose 'clarabel' or a linear cone"
+            )
+        return asked
+
+    def solve(self) -> tuple[np.ndarray | None, SolveRecord]:
+        """The (n,) answer, None where it is not finite, and the record of how it came about.
+
+        Raises:
+            InputError: the program's data holds a NaN or an infinity.
+        """
+        started = time.perf_counter()
+        program = self._reader.read() if self._reader is not None else None
+        bad = program.non_finite() if program is not None else _non_finite(self.prog)
+        if bad:
+            raise InputError(f"optimisation: the data of {bad!r} is not finite")
+        if self._piqp is not None and program is not None:
+            status, x, iterations = self._piqp.solve(
+                program,
+                tolerance=self.options.tolerance,
+                max_iterations=self.options.max_iterations,
+            )
+        else:
+            status, x, iterations = self._clarabel()
+        elapsed = time.perf_counter() - started
+        if x.size != self.prog.num_vars() or not np.isfinite(x).all():
+            return None, SolveRecord(
+                self.name, status, False, np.inf, "", iterations, elapsed
+            )
+        worst, name = (
+            program.worst(x) if program is not None else worst_violation(self.prog, x)
+        )
+        return x, SolveRecord(
+            self.name,
+            status,
+            worst <= self.options.accept,
+            worst,
+            name,
+            iterations,
+            elapsed,
+        )
+
+    def _clarabel(self) -> tuple[str, np.ndarray, int]:
+        options = SolverOptions()
+        options.SetOption(CommonSolverOption.kMaxThreads, 1)
+        solver = ClarabelSolver()
+        for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+            options.SetOption(solver.solver_id(), key, self.options.tolerance)
+        options.SetOption(solver.solver_id(), "time_limit", self.options.time_limit)
+        options.SetOption(solver.solver_id(), "max_iter", self.options.max_iterations)
+        result = solver.Solve(self.prog, None, options)
+        details = result.get_solver_details()
+        return (
+            str(details.status),
+            result.get_x_val(),
+            int(getattr(details, "iterations", -1)),
+        )
+
+
+def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, str]:
+    """The greatest violation of any constraint of any program at x, and that constraint's name.
+
+    Cone constraints are measured by the distance that their scalar part lacks.
+    """
+    worst, name = 0.0, ""
+    for binding in prog.GetAllConstraints():
+        evaluator = binding.evaluator()
+        excess = _excess(prog, binding, x)
+        if not excess <= worst:  # so that NaN counts as a violation
+            worst, name = (
+                (excess if np.isfinite(excess) else np.inf),
+                evaluator.get_description(),
+            )
+    return worst, name
+
+
+def _excess(prog: MathematicalProgram, binding, x: np.ndarray) -> float:
+    evaluator = binding.evaluator()
+    if type(evaluator).__name__ == "LorentzConeConstraint":
+        z = (
+            evaluator.A() @ x[prog.FindDecisionVariableIndices(binding.variables())]
+            + evaluator.b()
+        )
+        return float(max(np.linalg.norm(z[1:]) - z[0], 0.0))
+    y = prog.EvalBinding(binding, x)
+    return float(
+        np.max(
+            np.maximum(evaluator.lower_bound() - y, y - evaluator.upper_bound()),
+            initial=0.0,
+        )
+    )
+
+
+def _non_finite(prog: MathematicalProgram) -> str:
+    """Name of the first cost or constraint of a cone program whose data is not finite, "" where all is well."""
+    for binding in (*prog.GetAllCosts(), *prog.GetAllConstraints()):
+        evaluator = binding.evaluator()
+        parts = [
+            getattr(evaluator, part)()
+            for part in ("Q", "a", "b", "c")
+            if hasattr(evaluator, part)
+        ]
+        if hasattr(evaluator, "get_sparse_A"):
+            parts.append(evaluator.get_sparse_A().data)
+        elif hasattr(evaluator, "A_dense"):
+            parts.append(evaluator.A_dense())
+        if any(not np.isfinite(part).all() for part in parts):
+            return evaluator.get_description() or type(evaluator).__name__
+        if hasattr(evaluator, "lower_bound") and (
+            np.isnan(evaluator.lower_bound()).any()
+            or np.isnan(evaluator.upper_bound()).any()
+        ):
+            return evaluator.get_description() or type(evaluator).__name__
+    return ""
