@@ -11,23 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from pydrake.solvers import (
-    LinearConstraint,
-    LinearEqualityConstraint,
-    MathematicalProgram,
-)
+from pydrake.solvers import LinearConstraint, LinearEqualityConstraint, MathematicalProgram
 
 from optimization.centroidal_check import violations
 from optimization.centroidal_options import GRAVITY, REFERENCE_STEP, CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
-from optimization.centroidal_trajectory import (
-    CentroidalState,
-    CentroidalTrajectory,
-    WrenchIntegrator,
-)
+from optimization.centroidal_trajectory import CentroidalState, CentroidalTrajectory, WrenchIntegrator
 from optimization.friction import cone_generators, cone_index, corner_points
 from optimization.gauss_newton import minimise
-from optimization.solvers import ConvexSolver, SolverOptionsRecord, SolveRecord
+from optimization.solvers import ConvexSolver, SolveRecord, SolverOptionsRecord
 from optimization.sparse_rows import SparseRows
 from scenes.effector import EFFECTORS
 
@@ -118,9 +110,7 @@ class CentroidalProgram:
         com, v, k, u, kdot (N-1, 3), s (N-1,), s_end (1,), wrench (J, 6), z (J, 3), ray (J, 4 G) weights >= 0.
     """
 
-    def __init__(
-        self, problem: CentroidalProblem, options: CentroidalOptions | None = None
-    ) -> None:
+    def __init__(self, problem: CentroidalProblem, options: CentroidalOptions | None = None) -> None:
         self.problem, self.options = problem, options or CentroidalOptions()
         cone_index(self.options.cone)
         schedule = problem.schedule
@@ -135,10 +125,7 @@ class CentroidalProgram:
             ]
         )
         self.integrator = WrenchIntegrator(schedule, initial)
-        self.interval, self.effector = (
-            self.integrator.interval,
-            self.integrator.effector,
-        )
+        self.interval, self.effector = (self.integrator.interval, self.integrator.effector)
         self.held = schedule.active[self.interval, self.effector]
         self.p = self.integrator.p_WC - self.origin
         self.R = self.integrator.R_WC
@@ -166,30 +153,20 @@ class CentroidalProgram:
             ("wrench", (J, 6)), ("z", (J, 3)), ("ray", (J, 4 * rays)),
         ):  # fmt: skip
             size = shape[0] * shape[1]
-            self._index[name] = np.arange(self.num_vars, self.num_vars + size).reshape(
-                shape
-            )
-            setattr(
-                self, name, self.prog.NewContinuousVariables(size, name).reshape(shape)
-            )
+            self._index[name] = np.arange(self.num_vars, self.num_vars + size).reshape(shape)
+            setattr(self, name, self.prog.NewContinuousVariables(size, name).reshape(shape))
             self.num_vars += size
         self.x = self.prog.decision_variables()
 
     def _add_equalities(self, name: str, rows: SparseRows, right: np.ndarray):
-        constraint = LinearEqualityConstraint(
-            rows.matrix(len(right), self.num_vars), right
-        )
+        constraint = LinearEqualityConstraint(rows.matrix(len(right), self.num_vars), right)
         constraint.set_description(name)
         return self.prog.AddConstraint(constraint, self.x).evaluator()
 
     def _add_bounds(self, name: str, index: str, lower: np.ndarray, upper: np.ndarray):
         shape = self._index[index].shape
-        lower, upper = (
-            np.broadcast_to(bound, shape).ravel() for bound in (lower, upper)
-        )
-        binding = self.prog.AddBoundingBoxConstraint(
-            lower, upper, getattr(self, index).ravel()
-        )
+        lower, upper = (np.broadcast_to(bound, shape).ravel() for bound in (lower, upper))
+        binding = self.prog.AddBoundingBoxConstraint(lower, upper, getattr(self, index).ravel())
         binding.evaluator().set_description(name)
         return binding.evaluator()
 
@@ -197,14 +174,10 @@ class CentroidalProgram:
 
     def _add_newton(self) -> None:
         """v[n+1] - v[n] - dt g u[n] = -dt g e_z."""
-        rows, right = self._difference(
-            "v", self.problem.initial_linear_momentum / self.problem.mass
-        )
+        rows, right = self._difference("v", self.problem.initial_linear_momentum / self.problem.mass)
         index = np.arange(right.size).reshape(right.shape)
         rows.add(index, self._index["u"], -GRAVITY * self.dt[:, None])
-        self._add_equalities(
-            "newton", rows, (right - GRAVITY * self.dt[:, None] * UP).ravel()
-        )
+        self._add_equalities("newton", rows, (right - GRAVITY * self.dt[:, None] * UP).ravel())
 
     def _add_integration(self) -> None:
         """com[n+1] - com[n] - dt v[n+1] = 0 and k[n+1] - k[n] - dt kdot[n] = 0."""
@@ -214,16 +187,10 @@ class CentroidalProgram:
             ("k", "kdot", start, "angular momentum integration"),
         ):
             rows, right = self._difference(name, initial)
-            rows.add(
-                np.arange(right.size).reshape(right.shape),
-                self._index[rate],
-                -self.dt[:, None],
-            )
+            rows.add(np.arange(right.size).reshape(right.shape), self._index[rate], -self.dt[:, None])
             self._add_equalities(text, rows, right.ravel())
 
-    def _difference(
-        self, name: str, initial: np.ndarray
-    ) -> tuple[SparseRows, np.ndarray]:
+    def _difference(self, name: str, initial: np.ndarray) -> tuple[SparseRows, np.ndarray]:
         index = self._index[name]
         rows, right = SparseRows(), np.zeros(index.shape)
         row = np.arange(index.size).reshape(index.shape)
@@ -260,9 +227,7 @@ class CentroidalProgram:
         """(J, 6, 4 G) wrench of each ray of each corner, moments in M g ARM."""
         self.rays = np.zeros((len(self.interval), 6, self._index["ray"].shape[1]))
         known: dict[tuple, np.ndarray] = {}
-        for j, (held, effector) in enumerate(
-            zip(self.held, self.effector, strict=True)
-        ):
+        for j, (held, effector) in enumerate(zip(self.held, self.effector, strict=True)):
             key = (self.problem.schedule.contacts[held].friction, effector)
             if key not in known:
                 rays = cone_generators(self.options.cone, key[0])
@@ -278,48 +243,32 @@ class CentroidalProgram:
     def _add_linearised(self) -> None:
         com, total_force, wrench = self._guess()
         state_rows, state_right = self._angular_rows(com, total_force)
-        self._rate = self._add_equalities(
-            "angular momentum rate", state_rows, state_right
-        )
+        self._rate = self._add_equalities("angular momentum rate", state_rows, state_right)
         self._pressure = None
         if len(self.interval):
-            self._pressure = self._add_equalities(
-                "pressure centre", *self._pressure_rows(wrench)
-            )
+            self._pressure = self._add_equalities("pressure centre", *self._pressure_rows(wrench))
         self._reach_pairs = self._knot_contacts()
         self._reach = None
         if len(self._reach_pairs[0]):
             rows, upper = self._reach_rows(com)
-            constraint = LinearConstraint(
-                rows.matrix(len(upper), self.num_vars),
-                np.full(len(upper), -np.inf),
-                upper,
-            )
+            constraint = LinearConstraint(rows.matrix(len(upper), self.num_vars), np.full(len(upper), -np.inf), upper)
             constraint.set_description("reach")
             self._reach = self.prog.AddConstraint(constraint, self.x).evaluator()
-        self._trust = self._add_bounds(
-            "com step", "com", np.array(-np.inf), np.array(np.inf)
-        )
+        self._trust = self._add_bounds("com step", "com", np.array(-np.inf), np.array(np.inf))
 
-    def _linearise(
-        self, com: np.ndarray, total_force: np.ndarray, wrench: np.ndarray
-    ) -> None:
+    def _linearise(self, com: np.ndarray, total_force: np.ndarray, wrench: np.ndarray) -> None:
         """Linearises about a CoM (N-1, 3) relative to the origin, forces (N-1, 3) and wrenches (J, 6)."""
         rows, right = self._angular_rows(com, total_force)
         self._rate.UpdateCoefficients(rows.matrix(len(right), self.num_vars), right)
         if self._pressure is not None:
             rows, right = self._pressure_rows(wrench)
-            self._pressure.UpdateCoefficients(
-                rows.matrix(len(right), self.num_vars), right
-            )
+            self._pressure.UpdateCoefficients(rows.matrix(len(right), self.num_vars), right)
         if self._reach is not None:
             rows, upper = self._reach_rows(com)
             matrix = rows.matrix(len(upper), self.num_vars)
             self._reach.UpdateCoefficients(matrix, np.full(len(upper), -np.inf), upper)
 
-    def _angular_rows(
-        self, com: np.ndarray, total_force: np.ndarray
-    ) -> tuple[SparseRows, np.ndarray]:
+    def _angular_rows(self, com: np.ndarray, total_force: np.ndarray) -> tuple[SparseRows, np.ndarray]:
         """kdot - sum ((p - com0) x R f / ARM + R m) - u0 x com / ARM = -u0 x com0 / ARM."""
         rows = SparseRows()
         row = np.arange(3 * len(self.dt)).reshape(-1, 3)
@@ -327,11 +276,7 @@ class CentroidalProgram:
         rows.add_blocks(row, self._index["com"], -skew(total_force) / ARM)
         if len(self.interval):
             lever = skew(self.p - com[self.interval]) @ self.R / ARM
-            rows.add_blocks(
-                row[self.interval],
-                self._index["wrench"],
-                -np.concatenate([lever, self.R], axis=2),
-            )
+            rows.add_blocks(row[self.interval], self._index["wrench"], -np.concatenate([lever, self.R], axis=2))
         return rows, -np.cross(total_force, com).ravel() / ARM
 
     def _pressure_rows(self, wrench: np.ndarray) -> tuple[SparseRows, np.ndarray]:
@@ -349,17 +294,11 @@ class CentroidalProgram:
         load = np.maximum(fz, LEAST_PRESSURE_LOAD)
         slope = np.where(fz > LEAST_PRESSURE_LOAD, 1.0, 0.0)
         a, b = (ARM / (2 * np.maximum(half, 1e-6)) for half in self.half.T)
-        z = np.stack(
-            [-a * my / load, b * mx / load, mz + (mx * fx + my * fy) / load], axis=1
-        )
+        z = np.stack([-a * my / load, b * mx / load, mz + (mx * fx + my * fy) / load], axis=1)
         jacobian = np.zeros((len(wrench), 3, 6))
         jacobian[:, 0, 4] = -a / load
         jacobian[:, 1, 3] = b / load
-        jacobian[:, 2, 0], jacobian[:, 2, 1], jacobian[:, 2, 5] = (
-            mx / load,
-            my / load,
-            1.0,
-        )
+        jacobian[:, 2, 0], jacobian[:, 2, 1], jacobian[:, 2, 5] = (mx / load, my / load, 1.0)
         jacobian[:, 2, 3], jacobian[:, 2, 4] = fx / load, fy / load
         jacobian[:, 0, 2] = -slope * z[:, 0] / load
         jacobian[:, 1, 2] = -slope * z[:, 1] / load
@@ -376,19 +315,12 @@ class CentroidalProgram:
             for c in row[row >= 0].tolist()
         }  # fmt: skip
         order = sorted(pairs)
-        return np.array([n for n, _ in order], int), np.array(
-            [c for _, c in order], int
-        )
+        return np.array([n for n, _ in order], int), np.array([c for _, c in order], int)
 
     def _reach_data(self) -> tuple[np.ndarray, np.ndarray]:
         """(K, 3) points relative to the origin and (K,) greatest distances of `_reach_pairs`."""
         contacts = self.problem.schedule.contacts
-        limit = np.array(
-            [
-                self.options.com_reach[EFFECTORS.index(contact.effector)]
-                for contact in contacts
-            ]
-        )
+        limit = np.array([self.options.com_reach[EFFECTORS.index(contact.effector)] for contact in contacts])
         points = np.stack([contact.p_WC for contact in contacts]) - self.origin
         return points[self._reach_pairs[1]], limit[self._reach_pairs[1]]
 
@@ -423,17 +355,11 @@ class CentroidalProgram:
         for name, limit in zip(("k", "kdot"), self._momentum_limits(), strict=True):
             self._add_soft_limit(f"{name} limit", index[name], index["s"], limit)
         if self.options.rest_at_end:
-            self._add_soft_limit(
-                "rest: angular momentum", index["k"][-1:], index["s_end"], np.zeros(3)
-            )
+            self._add_soft_limit("rest: angular momentum", index["k"][-1:], index["s_end"], np.zeros(3))
         cost = np.concatenate([np.full(len(self.dt), PENALTY), [PENALTY]])
-        self.prog.AddLinearCost(
-            cost, 0.0, np.concatenate([self.s.ravel(), self.s_end.ravel()])
-        )
+        self.prog.AddLinearCost(cost, 0.0, np.concatenate([self.s.ravel(), self.s_end.ravel()]))
 
-    def _add_soft_limit(
-        self, name: str, index: np.ndarray, slack: np.ndarray, limit: np.ndarray
-    ) -> None:
+    def _add_soft_limit(self, name: str, index: np.ndarray, slack: np.ndarray, limit: np.ndarray) -> None:
         rows = SparseRows()
         row = np.arange(index.size).reshape(index.shape)
         for offset, sign in ((0, 1.0), (index.size, -1.0)):
@@ -444,9 +370,7 @@ class CentroidalProgram:
         if not finite.any():
             return
         matrix = rows.matrix(2 * index.size, self.num_vars)[finite]
-        constraint = LinearConstraint(
-            sp.csc_matrix(matrix), np.full(finite.sum(), -np.inf), upper[finite]
-        )
+        constraint = LinearConstraint(sp.csc_matrix(matrix), np.full(finite.sum(), -np.inf), upper[finite])
         constraint.set_description(name)
         self.prog.AddConstraint(constraint, self.x)
 
@@ -460,12 +384,7 @@ class CentroidalProgram:
         problem = self.problem
         if problem.com_box is not None and problem.com_reference is not None:
             centre = problem.com_reference[1:] - self.origin
-            self._add_bounds(
-                "com box",
-                "com",
-                centre - problem.com_box[1:],
-                centre + problem.com_box[1:],
-            )
+            self._add_bounds("com box", "com", centre - problem.com_box[1:], centre + problem.com_box[1:])
         final = self.final_box()
         if final is not None:
             low, high = -free.copy(), free.copy()
@@ -481,9 +400,7 @@ class CentroidalProgram:
         ground = self.problem.schedule.feet_mean()[:, 2]
         low, _, high = self.options.com_height
         known = np.isfinite(ground)
-        return np.where(known, ground + low, -np.inf), np.where(
-            known, ground + high, np.inf
-        )
+        return np.where(known, ground + low, -np.inf), np.where(known, ground + high, np.inf)
 
     def final_box(self) -> tuple[np.ndarray, np.ndarray] | None:
         """(3,) lower and upper corner of the box in which the CoM must end [m], or None."""
@@ -505,17 +422,12 @@ class CentroidalProgram:
         contacts = [np.flatnonzero(self.interval == n) for n in range(len(self.dt))]
         for n, held in enumerate(contacts):
             index = np.concatenate(
-                [self._index[name][n] for name in names]
-                + [self._index[name][held].ravel() for name in ("wrench", "z")]
+                [self._index[name][n] for name in names] + [self._index[name][held].ravel() for name in ("wrench", "z")]
             )
             index = index[diagonal[index] > 0]
             w, goal = 2 * diagonal[index], target[index]
             binding = self.prog.AddQuadraticCost(
-                np.diag(w),
-                -w * goal,
-                0.5 * float(w @ goal**2),
-                self.x[index],
-                is_convex=True,
+                np.diag(w), -w * goal, 0.5 * float(w @ goal**2), self.x[index], is_convex=True
             )
             binding.evaluator().set_description(f"effort[{n}]")
 
@@ -540,12 +452,8 @@ class CentroidalProgram:
         if len(self.interval):
             each = step[self.interval]
             lateral = w.force + w.lateral_force
-            diagonal[index["wrench"]] = each * np.array(
-                [lateral, lateral, w.force, 0, 0, 0]
-            )
-            diagonal[index["z"]] = each * np.array(
-                [w.pressure_centre, w.pressure_centre, w.torque * moment]
-            )
+            diagonal[index["wrench"]] = each * np.array([lateral, lateral, w.force, 0, 0, 0])
+            diagonal[index["z"]] = each * np.array([w.pressure_centre, w.pressure_centre, w.torque * moment])
         return diagonal, target
 
     # ---- solving
@@ -556,10 +464,7 @@ class CentroidalProgram:
         wrench = np.zeros((len(self.interval), 6))
         feet = self.effector < 2
         carriers = np.where(self._has_foot()[self.interval], feet, True)
-        wrench[:, 2] = (
-            carriers
-            / np.maximum(np.bincount(self.interval, carriers, N), 1.0)[self.interval]
-        )
+        wrench[:, 2] = carriers / np.maximum(np.bincount(self.interval, carriers, N), 1.0)[self.interval]
         wrench[:, 2] = np.maximum(wrench[:, 2], 0.1)
         if self.problem.com_reference is not None:
             com = self.problem.com_reference[1:] - self.origin
@@ -577,13 +482,9 @@ class CentroidalProgram:
         known = np.isfinite(feet[:, 0])
         if not known.any():
             return np.tile(self.problem.initial_com, (len(self.dt), 1))
-        feet = np.stack(
-            [np.interp(times, times[known], feet[known, i]) for i in range(3)], axis=1
-        )
+        feet = np.stack([np.interp(times, times[known], feet[known, i]) for i in range(3)], axis=1)
         near = np.abs(times[:, None] - times[None]) <= 1.0
-        path = (near @ feet) / near.sum(
-            axis=1, keepdims=True
-        ) + self.options.com_height[1] * UP
+        path = (near @ feet) / near.sum(axis=1, keepdims=True) + self.options.com_height[1] * UP
         fade = np.exp(-times)[:, None]
         return (1 - fade) * path + fade * self.problem.initial_com
 
@@ -591,30 +492,22 @@ class CentroidalProgram:
         """The exact trajectory of the ray weights in x, negative ones cut off: every wrench is admissible."""
         return self._point(np.maximum(x[self._index["ray"]], 0.0))
 
-    def between(
-        self, start: CentroidalPoint, end: CentroidalPoint, step: float
-    ) -> CentroidalPoint:
+    def between(self, start: CentroidalPoint, end: CentroidalPoint, step: float) -> CentroidalPoint:
         """The trajectory of the forces at this part of the way."""
         return self._point(start.rays + step * (end.rays - start.rays))
 
     def linearise(self, point: CentroidalPoint) -> None:
         """Updates the convex program about this point."""
-        self._linearise(
-            point.state.com - self.origin, point.state.total_force, point.wrench
-        )
+        self._linearise(point.state.com - self.origin, point.state.total_force, point.wrench)
 
     def trust(self, point: CentroidalPoint | None, radius: float) -> None:
         """Keeps every CoM within `radius` [m] per axis of this point's."""
         size = self._index["com"].size
-        centre = (
-            np.zeros(size) if point is None else (point.state.com - self.origin).ravel()
-        )
+        centre = np.zeros(size) if point is None else (point.state.com - self.origin).ravel()
         self._trust.set_bounds(centre - radius, centre + radius)
 
     def _point(self, rays: np.ndarray) -> CentroidalPoint:
-        wrench = (
-            np.einsum("jar,jr->ja", self.rays, rays) if len(rays) else np.zeros((0, 6))
-        )
+        wrench = np.einsum("jar,jr->ja", self.rays, rays) if len(rays) else np.zeros((0, 6))
         state = self.integrator.integrate(wrench[:, :3], ARM * wrench[:, 3:])
         x = np.zeros(self.num_vars)
         k, k_rate = state.k / ARM, state.k_rate / ARM
@@ -632,24 +525,17 @@ class CentroidalProgram:
         if self._reach is not None:
             points, limit = self._reach_data()
             knot = self._reach_pairs[0]
-            np.maximum.at(
-                slack, knot, (np.linalg.norm(com[knot] - points, axis=1) - limit) / ARM
-            )
+            np.maximum.at(slack, knot, (np.linalg.norm(com[knot] - points, axis=1) - limit) / ARM)
         violation = float(slack.sum())
         if self.options.rest_at_end:
             violation += float(np.abs(k[-1]).max())
-        return CentroidalPoint(
-            rays, wrench, state, cost, violation, cost + PENALTY * violation
-        )
+        return CentroidalPoint(rays, wrench, state, cost, violation, cost + PENALTY * violation)
 
     def solve(self) -> CentroidalEstimate:
         """Solves from the first guess and checks the answer on the numbers that would be written to a plan."""
         options = self.options
         started = time.perf_counter()
-        solver = ConvexSolver(
-            self.prog,
-            SolverOptionsRecord(solver=options.solver, time_limit=options.time_limit),
-        )
+        solver = ConvexSolver(self.prog, SolverOptionsRecord(solver=options.solver, time_limit=options.time_limit))
         outcome = minimise(
             self,
             solver,
@@ -659,13 +545,7 @@ class CentroidalProgram:
             radius=0.1,
         )
         if outcome.point is None:
-            return CentroidalEstimate(
-                False,
-                np.inf,
-                "no forces move the CoM as required",
-                outcome.records,
-                None,
-            )
+            return CentroidalEstimate(False, np.inf, "no forces move the CoM as required", outcome.records, None)
         point = outcome.point
         wrench = point.wrench
         trajectory = self.integrator.trajectory(
@@ -673,6 +553,4 @@ class CentroidalProgram:
         )
         found = violations(self.problem, options, trajectory)
         reason = "" if not found else str(found[0])
-        return CentroidalEstimate(
-            not found, point.cost / COST_SCALE, reason, outcome.records, trajectory
-        )
+        return CentroidalEstimate(not found, point.cost / COST_SCALE, reason, outcome.records, trajectory)

@@ -47,9 +47,7 @@ class Violation:
 
 
 def violations(
-    problem: CentroidalProblem,
-    options: CentroidalOptions,
-    trajectory: CentroidalTrajectory,
+    problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory
 ) -> list[Violation]:
     """Every violated constraint block with its worst place, the worst first; empty where all hold."""
     weight = problem.mass * GRAVITY
@@ -68,31 +66,21 @@ def violations(
         worst = float(filled[place])
         if worst > tolerance:
             effector = EFFECTORS[place[1]] if amount.ndim == 2 else ""
-            found.append(
-                Violation(block, worst / tolerance, worst, int(place[0]), effector)
-            )
+            found.append(Violation(block, worst / tolerance, worst, int(place[0]), effector))
     return sorted(found, key=lambda violation: -violation.excess)
 
 
-def _poses(
-    problem: CentroidalProblem, trajectory: CentroidalTrajectory
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _poses(problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(N, E, 3) points, (N, E, 3, 3) orientations and (N, E) friction of the contacts, anything where there is none."""
     p_WC, R_WC, friction = problem.schedule.poses()
     if not len(p_WC):
         shape = trajectory.contact.shape
-        return (
-            np.zeros((*shape, 3)),
-            np.tile(np.eye(3), (*shape, 1, 1)),
-            np.zeros(shape),
-        )
+        return (np.zeros((*shape, 3)), np.tile(np.eye(3), (*shape, 1, 1)), np.zeros(shape))
     at = np.maximum(trajectory.contact, 0)
     return p_WC[at], R_WC[at], friction[at]
 
 
-def _dynamics(
-    problem: CentroidalProblem, trajectory: CentroidalTrajectory, weight: float
-) -> list[tuple]:
+def _dynamics(problem: CentroidalProblem, trajectory: CentroidalTrajectory, weight: float) -> list[tuple]:
     """Residuals of the plan file's three difference equations and of the initial state, each (N-1,) or (1,)."""
     t = trajectory
     p_WC, R_WC, _ = _poses(problem, trajectory)
@@ -119,10 +107,7 @@ def _dynamics(
 
 
 def _contacts(
-    problem: CentroidalProblem,
-    options: CentroidalOptions,
-    trajectory: CentroidalTrajectory,
-    weight: float,
+    problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory, weight: float
 ) -> list[tuple]:
     """Cone, patch, load and reach of each contact, each (N, E)."""
     t = trajectory
@@ -134,12 +119,8 @@ def _contacts(
     free = np.where(held, 0.0, np.abs(t.force_W).max(axis=2) + np.abs(t.torque_n))
     overload = force_C[..., 2] - np.asarray(options.force_limit) * weight
     reach = np.asarray(options.com_reach)
-    after = (
-        np.linalg.norm(t.com[1:, None] - p_WC[:-1], axis=2) - reach
-    )  # at the end of each interval
-    before = (
-        np.linalg.norm(t.com[1:, None] - p_WC[1:], axis=2) - reach
-    )  # at the start of the next one
+    after = np.linalg.norm(t.com[1:, None] - p_WC[:-1], axis=2) - reach  # at the end of each interval
+    before = np.linalg.norm(t.com[1:, None] - p_WC[1:], axis=2) - reach  # at the start of the next one
     far = np.maximum(np.where(held[:-1], after, 0.0), np.where(held[1:], before, 0.0))
     return [
         ("force without contact", free, FORCE * weight),
@@ -151,37 +132,19 @@ def _contacts(
 
 
 def _bounds(
-    problem: CentroidalProblem,
-    options: CentroidalOptions,
-    trajectory: CentroidalTrajectory,
-    weight: float,
+    problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory, weight: float
 ) -> list[tuple]:
     """Limits on momentum, height, boxes and rest, each (N-1,) or (1,)."""
     t = trajectory
     rate = np.diff(t.angular_momentum, axis=0) / np.diff(t.t)[:, None]
-    k_limit, rate_limit = (
-        np.asarray(options.angular_momentum_limit),
-        np.asarray(options.angular_momentum_rate_limit),
-    )
+    k_limit, rate_limit = (np.asarray(options.angular_momentum_limit), np.asarray(options.angular_momentum_rate_limit))
     feet = problem.schedule.feet_mean()
     low, nominal, high = options.com_height
     height = t.com[1:, 2] - feet[:, 2]
     tables = [
-        (
-            "angular momentum limit",
-            (np.abs(t.angular_momentum[1:]) - k_limit).max(axis=1),
-            RELATIVE * k_limit.min(),
-        ),
-        (
-            "angular momentum rate limit",
-            (np.abs(rate) - rate_limit).max(axis=1),
-            RELATIVE * rate_limit.min(),
-        ),
-        (
-            "com height",
-            np.nan_to_num(np.maximum(low - height, height - high), nan=0.0),
-            LENGTH,
-        ),
+        ("angular momentum limit", (np.abs(t.angular_momentum[1:]) - k_limit).max(axis=1), RELATIVE * k_limit.min()),
+        ("angular momentum rate limit", (np.abs(rate) - rate_limit).max(axis=1), RELATIVE * rate_limit.min()),
+        ("com height", np.nan_to_num(np.maximum(low - height, height - high), nan=0.0), LENGTH),
     ]
     if problem.com_box is not None and problem.com_reference is not None:
         off = np.abs(t.com - problem.com_reference)[1:] - problem.com_box[1:]
@@ -192,18 +155,6 @@ def _bounds(
         off = np.abs(t.com[-1] - centre) - np.asarray(options.final_half_width)
         tables.append(("final com box", np.array([off.max()]), LENGTH))
     if options.rest_at_end:
-        tables.append(
-            (
-                "rest: linear momentum",
-                np.abs(t.linear_momentum[-1:]).max(axis=1),
-                MOMENTUM * weight,
-            )
-        )
-        tables.append(
-            (
-                "rest: angular momentum",
-                np.abs(t.angular_momentum[-1:]).max(axis=1),
-                MOMENTUM * weight,
-            )
-        )
+        tables.append(("rest: linear momentum", np.abs(t.linear_momentum[-1:]).max(axis=1), MOMENTUM * weight))
+        tables.append(("rest: angular momentum", np.abs(t.angular_momentum[-1:]).max(axis=1), MOMENTUM * weight))
     return tables

@@ -41,9 +41,7 @@ class CentroidalWeights:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
-                raise InputError(
-                    f"centroidal weights: {name} must be a finite number >= 0, got {value}"
-                )
+                raise InputError(f"centroidal weights: {name} must be a finite number >= 0, got {value}")
 
 
 @dataclass(frozen=True)
@@ -95,25 +93,14 @@ class CentroidalOptions:
         for name in ("dt", "shift_time", "swing_time", "tolerance", "time_limit"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
-                raise InputError(
-                    f"centroidal options: {name} must be a finite number > 0, got {value}"
-                )
-        for name in (
-            "angular_momentum_limit",
-            "angular_momentum_rate_limit",
-            "com_reach",
-            "force_limit",
-        ):
+                raise InputError(f"centroidal options: {name} must be a finite number > 0, got {value}")
+        for name in ("angular_momentum_limit", "angular_momentum_rate_limit", "com_reach", "force_limit"):
             if not all(value > 0 for value in getattr(self, name)):
-                raise InputError(
-                    f"centroidal options: every entry of {name} must be > 0, got {getattr(self, name)}"
-                )
+                raise InputError(f"centroidal options: every entry of {name} must be > 0, got {getattr(self, name)}")
         low, nominal, high = self.com_height
         if not (math.isfinite(nominal) and low <= nominal <= high):
             raise InputError(
                 f"centroidal options: com_height must ascend (least, nominal, greatest), got {self.com_height}"
             )
         if self.max_iterations < 1:
-            raise InputError(
-                f"centroidal options: max_iterations must be at least 1, got {self.max_iterations}"
-            )
+            raise InputError(f"centroidal options: max_iterations must be at least 1, got {self.max_iterations}")

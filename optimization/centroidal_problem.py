@@ -39,33 +39,21 @@ class CentroidalProblem:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):
-            raise InputError(
-                f"centroidal problem: mass must be a finite number > 0 kg, got {self.mass}"
-            )
+            raise InputError(f"centroidal problem: mass must be a finite number > 0 kg, got {self.mass}")
         shape = (self.schedule.num_knots, 3)
         self._array("half_extent", (len(EFFECTORS), 2))
-        for name in (
-            "initial_com",
-            "initial_linear_momentum",
-            "initial_angular_momentum",
-        ):
+        for name in ("initial_com", "initial_linear_momentum", "initial_angular_momentum"):
             self._array(name, (3,))
         self._array("com_reference", shape)
         self._array("com_box", shape, infinite=True)
         self._array("angular_momentum_reference", shape)
         if (self.half_extent < 0).any():
             raise InputError("centroidal problem: half_extent must not be negative")
-        if self.com_box is not None and (
-            self.com_reference is None or (self.com_box < 0).any()
-        ):
-            raise InputError(
-                "centroidal problem: com_box needs a com_reference and half widths >= 0"
-            )
+        if self.com_box is not None and (self.com_reference is None or (self.com_box < 0).any()):
+            raise InputError("centroidal problem: com_box needs a com_reference and half widths >= 0")
         friction = np.array([contact.friction for contact in self.schedule.contacts])
         if not (np.isfinite(friction).all() and (friction >= 0).all()):
-            raise InputError(
-                "centroidal problem: every contact's friction must be a finite number >= 0"
-            )
+            raise InputError("centroidal problem: every contact's friction must be a finite number >= 0")
 
     def _array(self, name: str, shape: tuple[int, ...], infinite: bool = False) -> None:
         value = getattr(self, name)
@@ -73,9 +61,7 @@ class CentroidalProblem:
             return
         array = np.array(value, dtype=float)
         if array.shape != shape:
-            raise InputError(
-                f"centroidal problem: {name} must have shape {shape}, got {array.shape}"
-            )
+            raise InputError(f"centroidal problem: {name} must have shape {shape}, got {array.shape}")
         if np.isnan(array).any() or not (infinite or np.isfinite(array).all()):
             raise InputError(f"centroidal problem: {name} must be finite")
         array.setflags(write=False)

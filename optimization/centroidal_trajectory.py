@@ -77,9 +77,7 @@ class WrenchIntegrator:
         held = schedule.active[self.interval, self.effector]
         self.p_WC, self.R_WC = p_WC[held], R_WC[held]
 
-    def sums(
-        self, force_W: np.ndarray, moment_W: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def sums(self, force_W: np.ndarray, moment_W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N-1, 3) sums over the contacts of each interval of two (J, 3) arrays."""
         shape = (len(self.dt), 3)
         force, moment = np.zeros(shape), np.zeros(shape)
@@ -96,30 +94,19 @@ class WrenchIntegrator:
         com0, velocity0, k0 = self.initial
         velocity = velocity0 + np.cumsum(self.dt * acceleration, axis=0)
         com = com0 + np.cumsum(self.dt * velocity, axis=0)
-        lever = (
-            self.p_WC - com[self.interval]
-        )  # about the CoM from the start: no large moments to cancel
+        lever = self.p_WC - com[self.interval]  # about the CoM from the start: no large moments to cancel
         _, k_rate = self.sums(force_W, np.cross(lever, force_W) + turned)
-        return CentroidalState(
-            com, velocity, k0 + np.cumsum(self.dt * k_rate, axis=0), total_force, k_rate
-        )
+        return CentroidalState(com, velocity, k0 + np.cumsum(self.dt * k_rate, axis=0), total_force, k_rate)
 
     def trajectory(
-        self,
-        schedule: ContactSchedule,
-        force_C: np.ndarray,
-        moment_C: np.ndarray,
-        mass: float,
+        self, schedule: ContactSchedule, force_C: np.ndarray, moment_C: np.ndarray, mass: float
     ) -> CentroidalTrajectory:
         """The plan file's arrays for (J, 3) forces [M g] and moments [M g m] in their contact frames."""
         weight = mass * GRAVITY
         state = self.integrate(force_C, moment_C)
         cop, torque = pressure_centre(force_C, moment_C)
         knots, effectors = schedule.num_knots, schedule.active.shape[1]
-        force_W, cop_C = (
-            np.zeros((knots, effectors, 3)),
-            np.zeros((knots, effectors, 2)),
-        )
+        force_W, cop_C = (np.zeros((knots, effectors, 3)), np.zeros((knots, effectors, 2)))
         torque_n = np.zeros((knots, effectors))
         at = self.interval, self.effector
         force_W[at] = weight * np.einsum("jab,jb->ja", self.R_WC, force_C)
@@ -127,10 +114,7 @@ class WrenchIntegrator:
         torque_n[at] = weight * torque
         for array in (force_W, cop_C, torque_n):
             array[-1] = array[-2]
-        whole = [
-            np.vstack([self.initial[i], a])
-            for i, a in enumerate((state.com, state.velocity, state.k))
-        ]
+        whole = [np.vstack([self.initial[i], a]) for i, a in enumerate((state.com, state.velocity, state.k))]
         return CentroidalTrajectory(
             t=schedule.times,
             com=whole[0],
@@ -143,9 +127,7 @@ class WrenchIntegrator:
         )
 
 
-def pressure_centre(
-    force_C: np.ndarray, moment_C: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def pressure_centre(force_C: np.ndarray, moment_C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(J, 2) centres of pressure [m] and (J,) normal torques there [M g m] of wrenches in their contact frames.
 
     The moment at the centre of pressure (cx, cy, 0) is along the normal alone: cx = -m_y / f_z, cy = m_x / f_z and
@@ -153,10 +135,6 @@ def pressure_centre(
     """
     loaded = force_C[:, 2] > LEAST_LOAD
     fz = np.where(loaded, force_C[:, 2], 1.0)
-    cop = np.where(
-        loaded[:, None],
-        np.stack([-moment_C[:, 1] / fz, moment_C[:, 0] / fz], axis=1),
-        0.0,
-    )
+    cop = np.where(loaded[:, None], np.stack([-moment_C[:, 1] / fz, moment_C[:, 0] / fz], axis=1), 0.0)
     torque = moment_C[:, 2] - (cop[:, 0] * force_C[:, 1] - cop[:, 1] * force_C[:, 0])
     return cop, torque

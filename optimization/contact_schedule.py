@@ -28,22 +28,13 @@ class ContactSchedule:
     dt: np.ndarray
 
     def __post_init__(self) -> None:
-        active, dt = (
-            np.array(self.active, dtype=np.int64),
-            np.array(self.dt, dtype=float),
-        )
+        active, dt = (np.array(self.active, dtype=np.int64), np.array(self.dt, dtype=float))
         if active.ndim != 2 or active.shape[0] < 1 or active.shape[1] != len(EFFECTORS):
-            raise InputError(
-                f"contact schedule: expected at least one interval of {len(EFFECTORS)} end effectors"
-            )
+            raise InputError(f"contact schedule: expected at least one interval of {len(EFFECTORS)} end effectors")
         if dt.shape != (len(active),) or not np.isfinite(dt).all() or (dt <= 0).any():
-            raise InputError(
-                "contact schedule: every interval needs a finite length dt > 0"
-            )
+            raise InputError("contact schedule: every interval needs a finite length dt > 0")
         if active.min() < -1 or active.max() >= len(self.contacts):
-            raise InputError(
-                "contact schedule: an interval refers to a contact that does not exist"
-            )
+            raise InputError("contact schedule: an interval refers to a contact that does not exist")
         for interval, effector in zip(*np.nonzero(active >= 0), strict=True):
             contact = self.contacts[active[interval, effector]]
             if contact.effector != EFFECTORS[effector]:
@@ -55,9 +46,7 @@ class ContactSchedule:
             object.__setattr__(self, name, array)
 
     @classmethod
-    def from_rows(
-        cls, rows: Sequence[Sequence[Contact | None]], dt: float | np.ndarray
-    ) -> ContactSchedule:
+    def from_rows(cls, rows: Sequence[Sequence[Contact | None]], dt: float | np.ndarray) -> ContactSchedule:
         """One row of E contacts (None where free) for each interval.
 
         Raises:
@@ -67,25 +56,15 @@ class ContactSchedule:
         active = np.full((len(rows), len(EFFECTORS)), -1)
         for n, row in enumerate(rows):
             if len(row) != len(EFFECTORS):
-                raise InputError(
-                    f"contact schedule: interval {n} has {len(row)} entries, expected {len(EFFECTORS)}"
-                )
+                raise InputError(f"contact schedule: interval {n} has {len(row)} entries, expected {len(EFFECTORS)}")
             for e, contact in enumerate(row):
                 if contact is not None:
                     active[n, e] = index.setdefault(contact, len(index))
-        return cls(
-            tuple(index), active, np.broadcast_to(np.asarray(dt, float), (len(rows),))
-        )
+        return cls(tuple(index), active, np.broadcast_to(np.asarray(dt, float), (len(rows),)))
 
     @classmethod
     def from_stances(
-        cls,
-        stances: Sequence[Stance],
-        *,
-        dt: float,
-        shift_time: float,
-        swing_time: float,
-        settle: bool = True,
+        cls, stances: Sequence[Stance], *, dt: float, shift_time: float, swing_time: float, settle: bool = True
     ) -> ContactSchedule:
         """The documents' timing (Lin 2020 sec. 6.7): shift on each stance, then move one end effector to the next.
 
@@ -100,9 +79,7 @@ class ContactSchedule:
         rows: list[Sequence[Contact | None]] = []
         for before, after in zip(stances, stances[1:], strict=False):
             moving = changed_effector(before, after)
-            rows += [before.contacts] * shift + [
-                before.replace(moving, None).contacts
-            ] * swing
+            rows += [before.contacts] * shift + [before.replace(moving, None).contacts] * swing
         if settle or len(stances) == 1:
             rows += [stances[-1].contacts] * shift
         return cls.from_rows(rows, dt)
@@ -122,21 +99,13 @@ class ContactSchedule:
         if not self.contacts:
             return np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0)
         X_WC = np.stack([contact.X_WC for contact in self.contacts])
-        return (
-            X_WC[:, :3, 3],
-            X_WC[:, :3, :3],
-            np.array([contact.friction for contact in self.contacts]),
-        )
+        return (X_WC[:, :3, 3], X_WC[:, :3, :3], np.array([contact.friction for contact in self.contacts]))
 
     def feet_mean(self) -> np.ndarray:
         """(N-1, 3) mean of the foot contact points in each interval [m], NaN where no foot is in contact."""
         p_WC, _, _ = self.poses()
         feet = self.active[:, :2]
         held = (feet >= 0)[..., None]
-        points = (
-            np.where(held, p_WC[np.maximum(feet, 0)], 0.0)
-            if len(p_WC)
-            else np.zeros((*feet.shape, 3))
-        )
+        points = np.where(held, p_WC[np.maximum(feet, 0)], 0.0) if len(p_WC) else np.zeros((*feet.shape, 3))
         with np.errstate(invalid="ignore"):
             return points.sum(axis=1) / held.sum(axis=1)

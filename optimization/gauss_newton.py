@@ -15,12 +15,8 @@ import numpy as np
 from optimization.solvers import ConvexSolver, SolveRecord
 
 STEPS = (1.0, 0.5, 0.25, 0.1)  # of the line search
-SUFFICIENT = (
-    1e-4  # a step must bring this part of the decrease that the convex program promised
-)
-SHRINK = (
-    0.25  # of the greatest change of the trusted variables after a failed line search
-)
+SUFFICIENT = 1e-4  # a step must bring this part of the decrease that the convex program promised
+SHRINK = 0.25  # of the greatest change of the trusted variables after a failed line search
 LEAST_RADIUS = 1e-4
 
 
@@ -109,17 +105,11 @@ def minimise(
         records.append(record)
         if point is None:
             if x is None or not record.feasible:
-                return Outcome(
-                    None, False, "first convex program failed", tuple(records)
-                )
+                return Outcome(None, False, "first convex program failed", tuple(records))
             point = model.evaluate(x)
             model.linearise(point)
             continue
-        following = (
-            _search(model, point, model.evaluate(x))
-            if x is not None and record.feasible
-            else None
-        )
+        following = _search(model, point, model.evaluate(x)) if x is not None and record.feasible else None
         if following is None:
             bound = min(bound * SHRINK, radius)
             if bound < LEAST_RADIUS:
@@ -132,9 +122,7 @@ def minimise(
         if np.isfinite(bound):
             bound *= 2.0
             model.trust(point, bound)
-        if decrease <= (
-            tolerance if point.violation <= tight else 0.1 * tolerance
-        ) * abs(point.merit):
+        if decrease <= (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit):
             return Outcome(point, True, "converged", tuple(records))
     return Outcome(point, False, "iterations", tuple(records))
 
@@ -143,8 +131,6 @@ def _search(model: SequentialModel, start: Point, end: Point) -> Point | None:
     """The first point on the way to `end` that is better than `start`, None where there is none."""
     for step in STEPS:
         candidate = end if step == 1.0 else model.between(start, end, step)
-        if candidate.merit < start.merit - SUFFICIENT * step * max(
-            start.merit - end.merit, 0.0
-        ):
+        if candidate.merit < start.merit - SUFFICIENT * step * max(start.merit - end.merit, 0.0):
             return candidate
     return None

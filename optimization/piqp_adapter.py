@@ -27,9 +27,7 @@ class PiqpSolver:
         self._solver = None
         self._pattern: tuple | None = None
 
-    def solve(
-        self, program: QuadraticProgram, *, tolerance: float, max_iterations: int
-    ) -> tuple[str, np.ndarray, int]:
+    def solve(self, program: QuadraticProgram, *, tolerance: float, max_iterations: int) -> tuple[str, np.ndarray, int]:
         """Status in PIQP's words, the (n,) last iterate and the number of iterations.
 
         Args:
@@ -41,29 +39,15 @@ class PiqpSolver:
 
         P = sp.triu(program.P, format="csc")
         A = _stack([block.A for block in program.equalities], program.q.size)
-        b = np.concatenate(
-            [np.zeros(0), *(block.upper for block in program.equalities)]
-        )
+        b = np.concatenate([np.zeros(0), *(block.upper for block in program.equalities)])
         G = _stack([block.A for block in program.inequalities], program.q.size)
-        lower = np.concatenate(
-            [np.zeros(0), *(block.lower for block in program.inequalities)]
-        )
-        upper = np.concatenate(
-            [np.zeros(0), *(block.upper for block in program.inequalities)]
-        )
+        lower = np.concatenate([np.zeros(0), *(block.lower for block in program.inequalities)])
+        upper = np.concatenate([np.zeros(0), *(block.upper for block in program.inequalities)])
         data = (P, program.q, A, b, G, lower, upper, program.lower, program.upper)
         bounded = np.concatenate(
-            [
-                lower > -UNBOUNDED,
-                upper < UNBOUNDED,
-                program.lower > -UNBOUNDED,
-                program.upper < UNBOUNDED,
-            ]
+            [lower > -UNBOUNDED, upper < UNBOUNDED, program.lower > -UNBOUNDED, program.upper < UNBOUNDED]
         )
-        pattern = (
-            *(part for M in (P, A, G) for part in (M.indptr, M.indices)),
-            bounded,
-        )
+        pattern = (*(part for M in (P, A, G) for part in (M.indptr, M.indices)), bounded)
         if self._pattern is not None and _same(pattern, self._pattern):
             self._solver.update(*data)
         else:
@@ -76,11 +60,7 @@ class PiqpSolver:
             self._pattern = pattern
         status = self._solver.solve()
         result = self._solver.result
-        return (
-            str(status).rpartition("PIQP_")[2].lower(),
-            np.array(result.x),
-            int(result.info.iter),
-        )
+        return (str(status).rpartition("PIQP_")[2].lower(), np.array(result.x), int(result.info.iter))
 
 
 def _stack(blocks: list[sp.csr_matrix], n: int) -> sp.csc_matrix:
@@ -90,7 +70,4 @@ def _stack(blocks: list[sp.csr_matrix], n: int) -> sp.csc_matrix:
 
 
 def _same(left: tuple, right: tuple) -> bool:
-    return all(
-        a.shape == b.shape and np.array_equal(a, b)
-        for a, b in zip(left, right, strict=True)
-    )
+    return all(a.shape == b.shape and np.array_equal(a, b) for a, b in zip(left, right, strict=True))

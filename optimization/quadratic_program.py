@@ -71,10 +71,7 @@ class QuadraticProgram:
 
     def worst(self, x: np.ndarray) -> tuple[float, str]:
         """The greatest violation at x and the name of the constraint that has it ("" where there is none)."""
-        worst, name = (
-            float(np.max(np.maximum(self.lower - x, x - self.upper), initial=0.0)),
-            "bounds",
-        )
+        worst, name = (float(np.max(np.maximum(self.lower - x, x - self.upper), initial=0.0)), "bounds")
         for block in (*self.equalities, *self.inequalities):
             excess = float(np.max(block.excess(x), initial=0.0))
             if excess > worst:
@@ -83,20 +80,12 @@ class QuadraticProgram:
 
     def non_finite(self) -> str:
         """Name of the first term that holds a NaN, or an infinity where none is allowed; "" where all is well."""
-        if not (
-            np.isfinite(self.P.data).all()
-            and np.isfinite(self.q).all()
-            and np.isfinite(self.constant)
-        ):
+        if not (np.isfinite(self.P.data).all() and np.isfinite(self.q).all() and np.isfinite(self.constant)):
             return "cost"
         if np.isnan(self.lower).any() or np.isnan(self.upper).any():
             return "bounds"
         for block in (*self.equalities, *self.inequalities):
-            if (
-                not np.isfinite(block.A.data).all()
-                or np.isnan(block.lower).any()
-                or np.isnan(block.upper).any()
-            ):
+            if not np.isfinite(block.A.data).all() or np.isnan(block.lower).any() or np.isnan(block.upper).any():
                 return block.name
         return ""
 
@@ -110,18 +99,10 @@ class ProgramReader:
 
     def __init__(self, prog: MathematicalProgram) -> None:
         if not is_quadratic(prog):
-            raise ValueError(
-                "the program has terms that are neither linear nor quadratic"
-            )
+            raise ValueError("the program has terms that are neither linear nor quadratic")
         self._prog = prog
         self._bindings = {
-            kind: [
-                (
-                    b.evaluator(),
-                    np.array(prog.FindDecisionVariableIndices(b.variables())),
-                )
-                for b in bindings
-            ]
+            kind: [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()))) for b in bindings]
             for kind, bindings in (
                 ("quadratic", prog.quadratic_costs()),
                 ("linear", prog.linear_costs()),
@@ -139,14 +120,8 @@ class ProgramReader:
         for evaluator, index in self._bindings["bounds"]:
             np.maximum.at(lower, index, evaluator.lower_bound())
             np.minimum.at(upper, index, evaluator.upper_bound())
-        equalities = tuple(
-            _block(evaluator, index, n)
-            for evaluator, index in self._bindings["equality"]
-        )
-        inequalities = tuple(
-            _block(evaluator, index, n)
-            for evaluator, index in self._bindings["inequality"]
-        )
+        equalities = tuple(_block(evaluator, index, n) for evaluator, index in self._bindings["equality"])
+        inequalities = tuple(_block(evaluator, index, n) for evaluator, index in self._bindings["inequality"])
         return QuadraticProgram(P, q, constant, equalities, inequalities, lower, upper)
 
     def _costs(self, n: int) -> tuple[sp.csc_matrix, np.ndarray, float]:
@@ -172,9 +147,4 @@ def _block(evaluator, index: np.ndarray, n: int) -> LinearBlock:
     A = evaluator.get_sparse_A().tocsc()
     cols = np.repeat(index, np.diff(A.indptr))
     spread = sp.csr_matrix((A.data, (A.indices, cols)), shape=(A.shape[0], n))
-    return LinearBlock(
-        evaluator.get_description(),
-        spread,
-        evaluator.lower_bound(),
-        evaluator.upper_bound(),
-    )
+    return LinearBlock(evaluator.get_description(), spread, evaluator.lower_bound(), evaluator.upper_bound())

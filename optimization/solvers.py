@@ -11,15 +11,10 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.solvers import (
-    ClarabelSolver,
-    CommonSolverOption,
-    MathematicalProgram,
-    SolverOptions,
-)
+from pydrake.solvers import ClarabelSolver, CommonSolverOption, MathematicalProgram, SolverOptions
 
 from optimization import piqp_adapter
-from optimization.quadratic_program import ProgramReader, QuadraticProgram, is_quadratic
+from optimization.quadratic_program import ProgramReader, is_quadratic
 from scenes.input_error import InputError
 
 SOLVERS = ("auto", "piqp", "clarabel")
@@ -78,9 +73,7 @@ class ConvexSolver:
     constraint or variable may be added to the program.
     """
 
-    def __init__(
-        self, prog: MathematicalProgram, options: SolverOptionsRecord | None = None
-    ) -> None:
+    def __init__(self, prog: MathematicalProgram, options: SolverOptionsRecord | None = None) -> None:
         self.prog = prog
         self.options = options or SolverOptionsRecord()
         quadratic = is_quadratic(prog)
@@ -93,13 +86,9 @@ class ConvexSolver:
         if asked == "auto":
             return "piqp" if quadratic and piqp_adapter.available() else "clarabel"
         if asked == "piqp" and not piqp_adapter.available():
-            raise InputError(
-                "solver 'piqp' is not installed: install the extra 'fast', or choose 'clarabel'"
-            )
+            raise InputError("solver 'piqp' is not installed: install the extra 'fast', or choose 'clarabel'")
         if asked == "piqp" and not quadratic:
-            raise InputError(
-                "solver 'piqp' takes linear and quadratic terms only: choose 'clarabel' or a linear cone"
-            )
+            raise InputError("solver 'piqp' takes linear and quadratic terms only: choose 'clarabel' or a linear cone")
         return asked
 
     def solve(self) -> tuple[np.ndarray | None, SolveRecord]:
@@ -115,29 +104,15 @@ class ConvexSolver:
             raise InputError(f"optimisation: the data of {bad!r} is not finite")
         if self._piqp is not None and program is not None:
             status, x, iterations = self._piqp.solve(
-                program,
-                tolerance=self.options.tolerance,
-                max_iterations=self.options.max_iterations,
+                program, tolerance=self.options.tolerance, max_iterations=self.options.max_iterations
             )
         else:
             status, x, iterations = self._clarabel()
         elapsed = time.perf_counter() - started
         if x.size != self.prog.num_vars() or not np.isfinite(x).all():
-            return None, SolveRecord(
-                self.name, status, False, np.inf, "", iterations, elapsed
-            )
-        worst, name = (
-            program.worst(x) if program is not None else worst_violation(self.prog, x)
-        )
-        return x, SolveRecord(
-            self.name,
-            status,
-            worst <= self.options.accept,
-            worst,
-            name,
-            iterations,
-            elapsed,
-        )
+            return None, SolveRecord(self.name, status, False, np.inf, "", iterations, elapsed)
+        worst, name = program.worst(x) if program is not None else worst_violation(self.prog, x)
+        return x, SolveRecord(self.name, status, worst <= self.options.accept, worst, name, iterations, elapsed)
 
     def _clarabel(self) -> tuple[str, np.ndarray, int]:
         options = SolverOptions()
@@ -149,11 +124,7 @@ class ConvexSolver:
         options.SetOption(solver.solver_id(), "max_iter", self.options.max_iterations)
         result = solver.Solve(self.prog, None, options)
         details = result.get_solver_details()
-        return (
-            str(details.status),
-            result.get_x_val(),
-            int(getattr(details, "iterations", -1)),
-        )
+        return (str(details.status), result.get_x_val(), int(getattr(details, "iterations", -1)))
 
 
 def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, str]:
@@ -166,39 +137,24 @@ def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, st
         evaluator = binding.evaluator()
         excess = _excess(prog, binding, x)
         if not excess <= worst:  # so that NaN counts as a violation
-            worst, name = (
-                (excess if np.isfinite(excess) else np.inf),
-                evaluator.get_description(),
-            )
+            worst, name = ((excess if np.isfinite(excess) else np.inf), evaluator.get_description())
     return worst, name
 
 
 def _excess(prog: MathematicalProgram, binding, x: np.ndarray) -> float:
     evaluator = binding.evaluator()
     if type(evaluator).__name__ == "LorentzConeConstraint":
-        z = (
-            evaluator.A() @ x[prog.FindDecisionVariableIndices(binding.variables())]
-            + evaluator.b()
-        )
+        z = evaluator.A() @ x[prog.FindDecisionVariableIndices(binding.variables())] + evaluator.b()
         return float(max(np.linalg.norm(z[1:]) - z[0], 0.0))
     y = prog.EvalBinding(binding, x)
-    return float(
-        np.max(
-            np.maximum(evaluator.lower_bound() - y, y - evaluator.upper_bound()),
-            initial=0.0,
-        )
-    )
+    return float(np.max(np.maximum(evaluator.lower_bound() - y, y - evaluator.upper_bound()), initial=0.0))
 
 
 def _non_finite(prog: MathematicalProgram) -> str:
     """Name of the first cost or constraint of a cone program whose data is not finite, "" where all is well."""
     for binding in (*prog.GetAllCosts(), *prog.GetAllConstraints()):
         evaluator = binding.evaluator()
-        parts = [
-            getattr(evaluator, part)()
-            for part in ("Q", "a", "b", "c")
-            if hasattr(evaluator, part)
-        ]
+        parts = [getattr(evaluator, part)() for part in ("Q", "a", "b", "c") if hasattr(evaluator, part)]
         if hasattr(evaluator, "get_sparse_A"):
             parts.append(evaluator.get_sparse_A().data)
         elif hasattr(evaluator, "A_dense"):
@@ -206,8 +162,7 @@ def _non_finite(prog: MathematicalProgram) -> str:
         if any(not np.isfinite(part).all() for part in parts):
             return evaluator.get_description() or type(evaluator).__name__
         if hasattr(evaluator, "lower_bound") and (
-            np.isnan(evaluator.lower_bound()).any()
-            or np.isnan(evaluator.upper_bound()).any()
+            np.isnan(evaluator.lower_bound()).any() or np.isnan(evaluator.upper_bound()).any()
         ):
             return evaluator.get_description() or type(evaluator).__name__
     return ""

@@ -14,25 +14,18 @@ class SparseRows:
         self._cols: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
 
-    def add(
-        self, rows: np.ndarray, cols: np.ndarray, values: np.ndarray | float
-    ) -> None:
+    def add(self, rows: np.ndarray, cols: np.ndarray, values: np.ndarray | float) -> None:
         """Adds values at (rows, cols); the three are broadcast against one another."""
         rows, cols, values = np.broadcast_arrays(rows, cols, np.asarray(values, float))
         self._rows.append(rows.ravel())
         self._cols.append(cols.ravel())
         self._values.append(values.ravel())
 
-    def add_blocks(
-        self, rows: np.ndarray, cols: np.ndarray, blocks: np.ndarray
-    ) -> None:
+    def add_blocks(self, rows: np.ndarray, cols: np.ndarray, blocks: np.ndarray) -> None:
         """Adds (..., a, b) blocks at rows (..., a) and columns (..., b)."""
         self.add(rows[..., :, None], cols[..., None, :], blocks)
 
     def matrix(self, num_rows: int, num_cols: int) -> sp.csc_matrix:
         """The (num_rows, num_cols) matrix."""
-        entries = (
-            np.concatenate(self._values),
-            (np.concatenate(self._rows), np.concatenate(self._cols)),
-        )
+        entries = (np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._cols)))
         return sp.coo_matrix(entries, shape=(num_rows, num_cols)).tocsc()
