@@ -16,15 +16,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from drakeplan.contact_pool import ContactPool
 from drakeplan.torso_grid import TorsoGrid
-from drakeplan.transition_check import TransitionCheck
-from scenes.packed_terrain import PackedTerrain, box_is_free
-from scenes.projection import project_feet, project_palms
+if TYPE_CHECKING:
+    from drakeplan.transition_check import TransitionCheck
+from scenes.packed_terrain import PackedTerrain
+from scenes.projection import boxes_are_free, project_feet, project_palms
 from scenes.robot import Robot
 from scenes.scene import Goal
 from scenes.transition_model import TransitionModel
@@ -195,10 +196,9 @@ class ContactDomain:
         keep = fits & self._legs_reach(mean, yaw, p, p0, mover)
         self.rejections["reach"] += int((fits & ~keep).sum())
         centre, size = np.array(self.robot.torso_box_centre, float), np.array(self.robot.torso_box_size, float)
-        for k in np.flatnonzero(keep):
-            if not box_is_free(self.packed, mean[k], yaw[k], centre, size):
-                keep[k] = False
-                self.rejections["collision"] += 1
+        free = boxes_are_free(self.packed, mean, yaw, centre, size, keep)
+        self.rejections["collision"] += int((keep & ~free).sum())
+        keep = free
         return np.unique(self.pool.add(mover, p[keep], R[keep], xy_yaw[keep, 2], surface[keep]))
 
     def _legs_reach(

@@ -79,6 +79,10 @@ class ContactPool:
         effector = EFFECTORS[self._effector[number]]
         return Contact(effector, surface, X_WC, float(self._packed.friction[surface]), float(self._yaw[number]))
 
+    def friction(self, number: int) -> float:
+        """Coulomb coefficient where this contact is."""
+        return float(self._packed.friction[self._surface[number]])
+
     def _append(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: float, surface: int) -> int:
         if self.size == len(self._p):
             for name in ("_p", "_R", "_yaw", "_surface", "_effector"):

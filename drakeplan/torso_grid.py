@@ -13,12 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from scenes.packed_terrain import PackedTerrain, box_is_free
+from scenes.packed_terrain import PackedTerrain
+from scenes.projection import box_is_free, nothing_near
 from scenes.robot import Robot
 
 TURNS = 12  # yaw cells, 30 deg each
 UNSEEN, SETTLED, BLOCKED = -1, -2, -3
-INSIDE_MARGIN = 0.02  # [m] a cell's centre this far outside a polygon still has its ground
+INSIDE_MARGIN = (
+    0.02  # [m] a cell's centre this far outside a polygon still has its ground
+)
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,11 @@ class TorsoGrid:
         cell = self.options.cell
         self._packed = packed
         self._origin = np.floor(np.minimum(low, goal_xy) / cell - 1) * cell
-        nx, ny = (np.ceil((np.maximum(high, goal_xy) - self._origin) / cell) + 2).astype(int).tolist()
+        nx, ny = (
+            (np.ceil((np.maximum(high, goal_xy) - self._origin) / cell) + 2)
+            .astype(int)
+            .tolist()
+        )
         self.shape = (nx, ny, TURNS)
         self._ground = np.full((nx, ny), -np.inf)
         _rasterise(packed, feet, self._origin, cell, self._ground)
@@ -59,11 +66,15 @@ class TorsoGrid:
         self._place = np.full(total, UNSEEN, np.int32)
         self._heap = np.empty(total, np.int32)
         self._height = np.full((nx, ny), np.nan)
+        self._clear = np.zeros((nx, ny), np.int8)
         self._size = np.zeros(1, np.int64)
-        self._box = (np.asarray(robot.torso_box_centre, float), np.asarray(robot.torso_box_size, float))
+        self._box = (
+            np.asarray(robot.torso_box_centre, float),
+            np.asarray(robot.torso_box_size, float),
+        )
         self._step = float(robot.max_step_height)
         self.num_goal_cells = _seed(
-            packed, self._ground, self._height, self._cost, self._place, self._heap, self._size, self._origin, cell,
+            packed, self._ground, self._height, self._clear, self._cost, self._place, self._heap, self._size, self._origin, cell,
             self.options.support_radius, *self._box, np.asarray(goal_xy, float), max(goal_radius, 0.75 * cell),
             np.nan if goal_yaw is None else goal_yaw,
         )  # fmt: skip
@@ -72,7 +83,7 @@ class TorsoGrid:
         """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no way."""
         out = np.empty(len(x))
         _query(
-            self._packed, self._ground, self._height, self._cost, self._place, self._heap, self._size, self._origin,
+            self._packed, self._ground, self._height, self._clear, self._cost, self._place, self._heap, self._size, self._origin,
             self.options.cell, self.options.support_radius, *self._box, self._step, self.options.turn_cost,
             np.ascontiguousarray(x, float), np.ascontiguousarray(y, float), np.ascontiguousarray(yaw, float), out,
         )  # fmt: skip
@@ -80,22 +91,38 @@ class TorsoGrid:
 
     def settled(self) -> np.ndarray:
         """(nx, ny) least distance over the yaws of the cells reached so far [m], inf elsewhere; for pictures."""
-        return np.where(self._place == SETTLED, self._cost, np.inf).reshape(self.shape).min(axis=2)
+        return (
+            np.where(self._place == SETTLED, self._cost, np.inf)
+            .reshape(self.shape)
+            .min(axis=2)
+        )
 
 
 GridDistance = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @njit(cache=True)
-def _rasterise(packed: PackedTerrain, feet: np.ndarray, origin: np.ndarray, cell: float, ground: np.ndarray) -> None:
+def _rasterise(
+    packed: PackedTerrain,
+    feet: np.ndarray,
+    origin: np.ndarray,
+    cell: float,
+    ground: np.ndarray,
+) -> None:
     """Height of the highest foot surface over each cell's centre, -inf where there is none."""
     for k in range(packed.num_surfaces):
         if not feet[k] or packed.normal[k, 2] < 1e-3:
             continue
         i0 = max(int(np.floor((packed.low[k, 0] - origin[0]) / cell - 0.5)), 0)
-        i1 = min(int(np.ceil((packed.high[k, 0] - origin[0]) / cell - 0.5)), ground.shape[0] - 1)
+        i1 = min(
+            int(np.ceil((packed.high[k, 0] - origin[0]) / cell - 0.5)),
+            ground.shape[0] - 1,
+        )
         j0 = max(int(np.floor((packed.low[k, 1] - origin[1]) / cell - 0.5)), 0)
-        j1 = min(int(np.ceil((packed.high[k, 1] - origin[1]) / cell - 0.5)), ground.shape[1] - 1)
+        j1 = min(
+            int(np.ceil((packed.high[k, 1] - origin[1]) / cell - 0.5)),
+            ground.shape[1] - 1,
+        )
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
@@ -104,7 +131,10 @@ def _rasterise(packed: PackedTerrain, feet: np.ndarray, origin: np.ndarray, cell
                 inside = True
                 for e in range(packed.count[k]):
                     w = packed.edge_normal[k, e]
-                    if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e] + INSIDE_MARGIN:
+                    if (
+                        w[0] * x + w[1] * y + w[2] * z
+                        > packed.edge_offset[k, e] + INSIDE_MARGIN
+                    ):
                         inside = False
                         break
                 if inside and z > ground[i, j]:
@@ -112,7 +142,9 @@ def _rasterise(packed: PackedTerrain, feet: np.ndarray, origin: np.ndarray, cell
 
 
 @njit(cache=True)
-def _height_at(ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: float, radius: float) -> float:
+def _height_at(
+    ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: float, radius: float
+) -> float:
     """Ground under a cell, or of the nearest cell within the support radius; -inf where there is none (kept)."""
     if not np.isnan(height[i, j]):
         return height[i, j]
@@ -123,8 +155,14 @@ def _height_at(ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: flo
         for a in range(-r, r + 1):
             for b in range(-r, r + 1):
                 u, v = i + a, j + b
-                if 0 <= u < ground.shape[0] and 0 <= v < ground.shape[1] and a * a + b * b <= best:
-                    if ground[u, v] > -np.inf and (a * a + b * b < best or ground[u, v] > z):
+                if (
+                    0 <= u < ground.shape[0]
+                    and 0 <= v < ground.shape[1]
+                    and a * a + b * b <= best
+                ):
+                    if ground[u, v] > -np.inf and (
+                        a * a + b * b < best or ground[u, v] > z
+                    ):
                         best = float(a * a + b * b)
                         z = ground[u, v]
     height[i, j] = z
@@ -143,7 +181,9 @@ def _sift_up(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, k: int) -> N
 
 
 @njit(cache=True)
-def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray) -> int:
+def _pop(
+    heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray
+) -> int:
     top = heap[0]
     size[0] -= 1
     n = size[0]
@@ -168,36 +208,74 @@ def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray
 
 @njit(cache=True)
 def _free(
-    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, origin: np.ndarray, cell: float, radius: float,
-    centre: np.ndarray, box: np.ndarray, i: int, j: int, t: int,
+    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, origin: np.ndarray, cell: float,
+    radius: float, centre: np.ndarray, box: np.ndarray, i: int, j: int, t: int,
 ) -> bool:  # fmt: skip
+    """Whether the torso may be in a cell; `clear` remembers the cells where nothing is near at any yaw."""
     z = _height_at(ground, height, i, j, cell, radius)
     if z == -np.inf:
         return False
-    p = np.array([origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell, z])
-    return box_is_free(packed, p, 2 * np.pi * t / TURNS, centre, box)
+    x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
+    if clear[i, j] == 0:
+        reach = np.sqrt(
+            (abs(centre[0]) + 0.5 * box[0]) ** 2 + (abs(centre[1]) + 0.5 * box[1]) ** 2
+        )
+        empty = nothing_near(
+            packed,
+            x,
+            y,
+            reach,
+            z + centre[2] - 0.5 * box[2],
+            z + centre[2] + 0.5 * box[2],
+        )
+        clear[i, j] = 1 if empty else 2
+    return clear[i, j] == 1 or box_is_free(
+        packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box
+    )
 
 
 @njit(cache=True)
 def _seed(
-    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, cost: np.ndarray, place: np.ndarray,
+    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, cost: np.ndarray, place: np.ndarray,
     heap: np.ndarray, size: np.ndarray, origin: np.ndarray, cell: float, radius: float, centre: np.ndarray,
     box: np.ndarray, goal: np.ndarray, goal_radius: float, goal_yaw: float,
 ) -> int:  # fmt: skip
     nx, ny = ground.shape
     r = int(np.ceil(goal_radius / cell)) + 1
-    gi, gj = int(np.floor((goal[0] - origin[0]) / cell)), int(np.floor((goal[1] - origin[1]) / cell))
+    gi, gj = (
+        int(np.floor((goal[0] - origin[0]) / cell)),
+        int(np.floor((goal[1] - origin[1]) / cell)),
+    )
     for i in range(max(gi - r, 0), min(gi + r + 1, nx)):
         for j in range(max(gj - r, 0), min(gj + r + 1, ny)):
-            dx, dy = origin[0] + (i + 0.5) * cell - goal[0], origin[1] + (j + 0.5) * cell - goal[1]
+            dx, dy = (
+                origin[0] + (i + 0.5) * cell - goal[0],
+                origin[1] + (j + 0.5) * cell - goal[1],
+            )
             if dx * dx + dy * dy > goal_radius * goal_radius:
                 continue
             for t in range(TURNS):
                 if not np.isnan(goal_yaw):
                     turn = 2 * np.pi * t / TURNS - goal_yaw
-                    if abs(np.arctan2(np.sin(turn), np.cos(turn))) > np.pi / TURNS + 1e-6:
+                    if (
+                        abs(np.arctan2(np.sin(turn), np.cos(turn)))
+                        > np.pi / TURNS + 1e-6
+                    ):
                         continue
-                if _free(packed, ground, height, origin, cell, radius, centre, box, i, j, t):
+                if _free(
+                    packed,
+                    ground,
+                    height,
+                    clear,
+                    origin,
+                    cell,
+                    radius,
+                    centre,
+                    box,
+                    i,
+                    j,
+                    t,
+                ):
                     s = (i * ny + j) * TURNS + t
                     cost[s] = 0.0
                     heap[size[0]] = s
@@ -208,7 +286,7 @@ def _seed(
 
 @njit(cache=True)
 def _grow_until(
-    target: int, packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, cost: np.ndarray, place: np.ndarray,
+    target: int, packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, cost: np.ndarray, place: np.ndarray,
     heap: np.ndarray, size: np.ndarray, origin: np.ndarray, cell: float, radius: float, centre: np.ndarray,
     box: np.ndarray, step: float, turn_cost: float,
 ) -> None:  # fmt: skip
@@ -235,7 +313,20 @@ def _grow_until(
             if abs(_height_at(ground, height, u, v, cell, radius) - z) > step:
                 continue
             if place[q] == UNSEEN:
-                if not _free(packed, ground, height, origin, cell, radius, centre, box, u, v, w):
+                if not _free(
+                    packed,
+                    ground,
+                    height,
+                    clear,
+                    origin,
+                    cell,
+                    radius,
+                    centre,
+                    box,
+                    u,
+                    v,
+                    w,
+                ):
                     place[q] = BLOCKED
                     continue
                 heap[size[0]] = q
@@ -247,7 +338,7 @@ def _grow_until(
 
 @njit(cache=True)
 def _query(
-    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, cost: np.ndarray, place: np.ndarray,
+    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, cost: np.ndarray, place: np.ndarray,
     heap: np.ndarray, size: np.ndarray, origin: np.ndarray, cell: float, radius: float, centre: np.ndarray,
     box: np.ndarray, step: float, turn_cost: float, x: np.ndarray, y: np.ndarray, yaw: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
@@ -263,9 +354,13 @@ def _query(
                 if i < 0 or j < 0 or i >= nx or j >= ny:
                     continue
                 s = (i * ny + j) * TURNS + t
+                if place[s] == UNSEEN and not _free(
+                    packed, ground, height, clear, origin, cell, radius, centre, box, i, j, t
+                ):  # never worth growing the wave for
+                    place[s] = BLOCKED
                 if place[s] != SETTLED and place[s] != BLOCKED:
                     _grow_until(
-                        s, packed, ground, height, cost, place, heap, size, origin, cell, radius, centre, box, step,
+                        s, packed, ground, height, clear, cost, place, heap, size, origin, cell, radius, centre, box, step,
                         turn_cost,
                     )  # fmt: skip
                 w = (u - i0 if a else i0 + 1 - u) * (v - j0 if b else j0 + 1 - v)

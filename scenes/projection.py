@@ -179,18 +179,66 @@ def project_palms(
 @njit(cache=True)
 def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.ndarray, size: np.ndarray) -> bool:
     """Whether an upright box (`centre`, `size` in the frame at p with this yaw) touches no polygon."""
-    work = np.empty((2, packed.vertices.shape[1] + 8, 3))
     c, s = np.cos(yaw), np.sin(yaw)
-    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     low, high = centre - 0.5 * size, centre + 0.5 * size
     reach = np.sqrt(max(low[0] ** 2, high[0] ** 2) + max(low[1] ** 2, high[1] ** 2))
-    around = near(packed, p[0] - reach, p[1] - reach, p[0] + reach, p[1] + reach)
-    for q in range(around.shape[0]):
-        k = around[q]
-        if packed.low[k, 2] > p[2] + high[2] or packed.high[k, 2] < p[2] + low[2]:
-            continue
-        if polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
-            return False
+    cell = packed.cell[0]
+    i0 = max(int(np.floor((p[0] - reach - packed.origin[0]) / cell)), 0)
+    j0 = max(int(np.floor((p[1] - reach - packed.origin[1]) / cell)), 0)
+    i1 = min(int(np.floor((p[0] + reach - packed.origin[0]) / cell)), packed.shape[0] - 1)
+    j1 = min(int(np.floor((p[1] + reach - packed.origin[1]) / cell)), packed.shape[1] - 1)
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            first = packed.cell_start[i * packed.shape[1] + j]
+            for q in range(first, packed.cell_start[i * packed.shape[1] + j + 1]):
+                k = packed.cell_items[q]
+                if packed.low[k, 2] > p[2] + high[2] or packed.high[k, 2] < p[2] + low[2]:
+                    continue
+                if packed.low[k, 0] > p[0] + reach or packed.high[k, 0] < p[0] - reach:
+                    continue
+                if packed.low[k, 1] > p[1] + reach or packed.high[k, 1] < p[1] - reach:
+                    continue
+                work = np.empty((2, packed.vertices.shape[1] + 8, 3))
+                R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+                if polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
+                    return False
+    return True
+
+
+@njit(cache=True)
+def boxes_are_free(
+    packed: PackedTerrain, p: np.ndarray, yaw: np.ndarray, centre: np.ndarray, size: np.ndarray, wanted: np.ndarray
+) -> np.ndarray:
+    """(n,) `wanted`, less where the box at p (n, 3) and yaw (n,) touches a polygon."""
+    free = wanted.copy()
+    for k in range(p.shape[0]):
+        if free[k]:
+            free[k] = box_is_free(packed, p[k], yaw[k], centre, size)
+    return free
+
+
+@njit(cache=True)
+def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low: float, z_high: float) -> bool:
+    """Whether no polygon's bounds meet the square of half width `reach` about (x, y) between z_low and z_high."""
+    cell = packed.cell[0]
+    i0 = max(int(np.floor((x - reach - packed.origin[0]) / cell)), 0)
+    j0 = max(int(np.floor((y - reach - packed.origin[1]) / cell)), 0)
+    i1 = min(int(np.floor((x + reach - packed.origin[0]) / cell)), packed.shape[0] - 1)
+    j1 = min(int(np.floor((y + reach - packed.origin[1]) / cell)), packed.shape[1] - 1)
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            first = packed.cell_start[i * packed.shape[1] + j]
+            for q in range(first, packed.cell_start[i * packed.shape[1] + j + 1]):
+                k = packed.cell_items[q]
+                if (
+                    packed.low[k, 2] <= z_high
+                    and packed.high[k, 2] >= z_low
+                    and packed.low[k, 0] <= x + reach
+                    and packed.high[k, 0] >= x - reach
+                    and packed.low[k, 1] <= y + reach
+                    and packed.high[k, 1] >= y - reach
+                ):
+                    return False
     return True
 
 

@@ -1,0 +1,351 @@
+"""One query from scene to verified plan: search, dynamics, motion, verification, and the numbers of each."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.motion import MotionOptions, MotionResult, make_motion
+from drakeplan.plan import Plan, PlanCentroidal, PlanMotion, PlanPhases, tabulate_stances
+from drakeplan.plan_file import write_plan
+from drakeplan.progress import Progress, ProgressEvent
+from drakeplan.search.ana_star import Limits
+from drakeplan.verifier import Report, verify
+from optimization.whole_body_ik import WholeBodyIK
+from scenes.input_error import InputError, unknown_name
+from scenes.robot import Robot
+from scenes.scene import Goal, Scene, Start
+from scenes.scene_file import scene_to_yaml
+from scenes.transition_model import transition_model
+
+PLANNERS = ("search",)
+DYNAMICS = ("quasi-static",)
+MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What a user may choose about a query. Angles in radians, lengths in metres, times in seconds.
+
+    Attributes:
+        seed: of every random choice.
+        start: (x, y) or (x, y, yaw) that replaces the scene's.
+        goal: the same for the goal.
+        goal_radius: replaces the goal's.
+        friction: replaces every friction in the scene.
+        cone: friction cone by name.
+        planner, dynamics: by name.
+        heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
+        transition_model: name of the foot transition model.
+        deadline: limits the search alone.
+        improve: the search stops this long after the first plan.
+        expansions: nodes expanded at most; unlike times it makes runs repeatable.
+        stop: polled by the search; True ends it and keeps the incumbent.
+        command: recorded in the plan's provenance.
+    """
+
+    seed: int = 0
+    start: tuple[float, ...] | None = None
+    goal: tuple[float, ...] | None = None
+    goal_radius: float | None = None
+    friction: float | None = None
+    cone: str = "inner"
+    planner: str = "search"
+    dynamics: str = "quasi-static"
+    heuristic: Literal["grid", "euclidean", "admissible"] = "grid"
+    transition_model: str = "experiments"
+    use_palms: bool = True
+    deadline: float = 30.0
+    improve: float = 1.0
+    expansions: int | None = None
+    stop: Callable[[], bool] | None = None
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """What came of a query.
+
+    Attributes:
+        status: "complete" (the verifier holds), "contacts" (a contact sequence without a verified motion) or "none".
+        reason: one line; "" when complete.
+        plan: None when there is none.
+        report: numbers for people and programs, as JSON allows.
+        verification: the verifier's report on the complete plan, else None.
+    """
+
+    status: Literal["complete", "contacts", "none"]
+    reason: str
+    plan: Plan | None
+    report: dict[str, object]
+    verification: Report | None = None
+
+
+@dataclass
+class _Clock:
+    """Seconds of search: stands still while something else is done."""
+
+    _offset: float = 0.0
+    _paused_at: float | None = None
+
+    def __call__(self) -> float:
+        return (self._paused_at if self._paused_at is not None else time.perf_counter()) - self._offset
+
+    def pause(self) -> None:
+        self._paused_at = time.perf_counter()
+
+    def resume(self) -> None:
+        if self._paused_at is not None:
+            self._offset += time.perf_counter() - self._paused_at
+            self._paused_at = None
+
+
+@dataclass
+class _Record:
+    """The numbers of a query while it runs."""
+
+    began: float = field(default_factory=time.perf_counter)
+    cost: float | None = None
+    bound: float | None = None
+    contacts: int = 0
+    stances: int = 0
+    palms_used: int = 0
+    expansions: int = 0
+    time_to_first_s: float | None = None
+    time_to_first_feasible_s: float | None = None
+    planning_s: float = 0.0
+    dynamics_s: float = 0.0
+    motion_s: float = 0.0
+    verification_s: float = 0.0
+    repairs: int = 0
+    limits_fired: list[str] = field(default_factory=list)
+
+    def as_dict(self, status: str, reason: str, verification: Report | None) -> dict[str, object]:
+        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "began"}
+        failed = [] if verification is None else [c.name for c in verification.checks if not c.ok]
+        verified = verification is not None and verification.holds
+        return {
+            "status": status,
+            "reason": reason,
+            **values,
+            "total_s": time.perf_counter() - self.began,
+            "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+            "verified": {"holds": verified, "failed": failed},
+        }
+
+
+def plan_scene(
+    scene: Scene, robot: Robot, options: PlanOptions | None = None, progress: Progress | None = None
+) -> PlanResult:
+    """Plans a crossing and has it verified.
+
+    Args:
+        scene: terrain, start and goal.
+        robot: who crosses.
+        options: see `PlanOptions`.
+        progress: called with events while it runs.
+
+    Raises:
+        InputError: bad options, a start or goal off the terrain.
+    """
+    options = options or PlanOptions()
+    tell = progress or (lambda event: None)
+    _check_options(options)
+    scene = with_options(scene, options)
+    record = _Record()
+    tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
+    ik = WholeBodyIK(robot)
+    search_options = ContactPlannerOptions(
+        cone=options.cone, heuristic=options.heuristic, seed=options.seed, use_palms=options.use_palms
+    )
+    planner = ContactPlanner(scene, robot, ik, search_options, transition_model(options.transition_model))
+    reason = planner.start_problem()
+    if reason:
+        return PlanResult("none", reason, None, record.as_dict("none", reason, None))
+    return _Query(scene, robot, options, planner, record, tell).run()
+
+
+class _Query:
+    """The rounds of search and motion of one query."""
+
+    def __init__(
+        self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner, record: _Record,
+        tell: Progress,
+    ) -> None:  # fmt: skip
+        self.scene, self.robot, self.options = scene, robot, options
+        self.planner, self.record, self.tell = planner, record, tell
+        self.clock = _Clock()
+        self.motion_options = MotionOptions(cone=options.cone)
+
+    def run(self) -> PlanResult:
+        last: tuple[str, ContactPlan | None] = ("", None)
+        for _ in range(MAX_REPAIRS + 1):
+            found = self._search()
+            if not found:
+                break
+            best = found[-1]
+            self._note(best)
+            motion = self._move(best)
+            if motion.ok:
+                plan = self._assemble(best, motion)
+                verification = self._verify(plan)
+                if verification.holds:
+                    return self._result("complete", "", plan, verification)
+                failed = ", ".join(c.name for c in verification.checks if not c.ok)
+                return self._result("contacts", f"verification failed: {failed}", self._assemble(best, None), verification)
+            last = (motion.reason, best)
+            if not self._bar(best, motion):
+                break
+            self.record.repairs += 1
+        if last[1] is not None:
+            return self._result("contacts", f"contacts found, but {last[0]}", self._assemble(last[1], None), None)
+        reason = self.planner.why_not()
+        return self._result("none", reason, None, None)
+
+    def _search(self) -> list[ContactPlan]:
+        """Every incumbent of one round of search, best last."""
+        first_round = self.record.time_to_first_s is None
+        limits = Limits(
+            deadline=max(self.options.deadline - self.record.planning_s, 0.0),
+            expansions=self.options.expansions,
+            improve=self.options.improve if first_round else 0.0,
+            stop=self.options.stop,
+        )
+        found = []
+        began = self.clock()
+        for plan in self.planner.plans(limits, self.clock):
+            found.append(plan)
+            if self.record.time_to_first_s is None:
+                self.record.time_to_first_s = self.record.planning_s + self.clock() - began + self.planner.setup_s
+            self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self.clock() - began))
+        self.record.planning_s += self.clock() - began
+        search = self.planner.search
+        if search is not None:
+            self.record.expansions += search.expansions
+            if search.ended_by != "exhausted":
+                self.record.limits_fired.append(search.ended_by)
+        return found
+
+    def _note(self, best: ContactPlan) -> None:
+        contacts, _ = tabulate_stances(best.stances)
+        self.record.cost, self.record.bound = best.cost, best.bound
+        self.record.contacts, self.record.stances = len(contacts), len(best.stances)
+        self.record.palms_used = best.palms_used
+
+    def _move(self, best: ContactPlan) -> MotionResult:
+        self.tell(ProgressEvent("dynamics", f"{len(best.stances)} stances", best.cost, best.bound))
+        motion = make_motion(
+            self.robot, self.scene.terrain, best.stances, self.motion_options, progress=self.tell
+        )
+        self.record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
+        self.record.motion_s += motion.timings.get("motion_s", 0.0)
+        if motion.centroidal is not None and self.record.time_to_first_feasible_s is None:
+            first = self.record.time_to_first_s or 0.0
+            self.record.time_to_first_feasible_s = first + self.record.dynamics_s
+        return motion
+
+    def _bar(self, best: ContactPlan, motion: MotionResult) -> bool:
+        """Bars the transitions that the motion failed at; False when it does not know which."""
+        at = [k for k in motion.failed_transitions if 0 <= k < len(best.states) - 1]
+        for k in at:
+            self.planner.forbid(best.states[k], best.states[k + 1])
+        return bool(at)
+
+    def _assemble(self, best: ContactPlan, motion: MotionResult | None) -> Plan:
+        contacts, stances = tabulate_stances(best.stances)
+        phases = centroidal = whole_body = None
+        if motion is not None:
+            schedule, c = motion.schedule, motion.centroidal
+            phases = PlanPhases(schedule.boundaries[:-1], schedule.boundaries[1:], [p.contacts for p in schedule.phases])
+            centroidal = PlanCentroidal(
+                c.t, c.com, c.linear_momentum, c.angular_momentum, c.contact, c.force_W, c.cop_C, c.torque_n
+            )
+            names = motion.position_names, motion.velocity_names
+            whole_body = PlanMotion(motion.t, motion.q, motion.v, *names)
+        return Plan(
+            robot=self.robot.name,
+            robot_model=str(self.robot.model),
+            robot_model_sha256=self.robot.model_sha256,
+            mass=self.robot.mass,
+            friction_cone=self.options.cone,
+            scene_name=self.scene.name,
+            scene_yaml=scene_to_yaml(self.scene, meshes_as_surfaces=True),
+            triangles=self.scene.terrain.triangles,
+            half_extent=np.array([e.half_extent for e in self.robot.effectors]),
+            contacts=contacts,
+            stances=stances,
+            phases=phases,
+            centroidal=centroidal,
+            motion=whole_body,
+            provenance=self._provenance(),
+        )
+
+    def _provenance(self) -> dict[str, object]:
+        packages = ("drakeplan", "drake", "numpy", "numba", "scipy")
+        return {
+            "versions": {name: version(name) for name in packages} | {"python": sys.version.split()[0]},
+            "seed": self.options.seed,
+            "command": self.options.command,
+            "limits_fired": list(self.record.limits_fired),
+            "expansions": self.record.expansions,
+            "cost": self.record.cost,
+            "bound": self.record.bound,
+        }
+
+    def _verify(self, plan: Plan) -> Report:
+        self.tell(ProgressEvent("verify", "", self.record.cost, self.record.bound))
+        began = time.perf_counter()
+        with tempfile.TemporaryDirectory(prefix="drakeplan-") as folder:
+            path = Path(folder) / "plan.h5"
+            write_plan(plan, path)
+            report = verify(path)
+        self.record.verification_s += time.perf_counter() - began
+        return report
+
+    def _result(self, status: str, reason: str, plan: Plan | None, verification: Report | None) -> PlanResult:
+        report = json.loads(json.dumps(self.record.as_dict(status, reason, verification)))
+        return PlanResult(status, reason, plan, report, verification)
+
+
+def with_options(scene: Scene, options: PlanOptions) -> Scene:
+    """The scene with the start, goal and friction that the options ask for."""
+    start, goal, terrain = scene.start, scene.goal, scene.terrain
+    if options.start is not None:
+        yaw = options.start[2] if len(options.start) > 2 else 0.0
+        start = Start((options.start[0], options.start[1], float("nan")), yaw)
+    radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
+    if options.goal is not None:
+        goal = Goal((options.goal[0], options.goal[1], 0.0), radius, options.goal[2] if len(options.goal) > 2 else None)
+    elif goal is not None:
+        goal = dataclasses.replace(goal, radius=radius)
+    if options.friction is not None:
+        surfaces = tuple(dataclasses.replace(s, friction=options.friction) for s in terrain.surfaces)
+        terrain = dataclasses.replace(terrain, surfaces=surfaces)
+    return dataclasses.replace(scene, start=start, goal=goal, terrain=terrain)
+
+
+def _check_options(options: PlanOptions) -> None:
+    if options.planner not in PLANNERS:
+        raise unknown_name("planner", options.planner, PLANNERS)
+    if options.dynamics not in DYNAMICS:
+        raise unknown_name("dynamics", options.dynamics, DYNAMICS)
+    for key in ("deadline", "improve", "friction", "goal_radius"):
+        value = getattr(options, key)
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise InputError(f"--{key.replace('_', '-')}: expected a finite number >= 0, got {value}")
+    for key in ("start", "goal"):
+        value = getattr(options, key)
+        if value is not None and not (len(value) in (2, 3) and np.isfinite(value).all()):
+            raise InputError(f"--{key}: expected X Y or X Y YAW, finite numbers, got {value}")

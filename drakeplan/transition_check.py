@@ -1,0 +1,113 @@
+"""Can the body do this step? Balance and reach at the two critical configurations (Lin 2020 sec. 3.3).
+
+A transition is supported by the contacts that both stances share. At its first critical configuration the mover has
+just broken its old contact, at the second it is about to make the new one; at both the centre of mass must lie over
+the balance polygon of the support while every end effector is where its stance puts it. This is the middle tier of
+truth: fast whole-body inverse kinematics, asked when the search is about to expand a state, with every answer kept.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drakeplan.contact_pool import ContactPool
+from optimization.friction import cone_generators
+from optimization.static_equilibrium import com_polygon, stands_alone
+from optimization.whole_body_ik import WholeBodyIK
+from scenes.robot import Robot
+
+Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
+MAX_CORNERS = 48  # of a balance polygon
+BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon
+
+
+class TransitionCheck:
+    """Answers for one robot on one terrain, cached by contact numbers."""
+
+    def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, cone: str) -> None:
+        self.pool, self.robot, self.cone, self.ik = pool, robot, cone, ik
+        self._half = np.array([e.half_extent for e in robot.effectors])
+        self._limit = np.array(robot.force_limit, float)
+        self._generators: dict[float, np.ndarray] = {}
+        self._alone: dict[int, bool] = {}
+        self._regions: dict[Held, np.ndarray | None] = {}
+        self._postures: dict[tuple[Held, Held], tuple[str, np.ndarray]] = {}
+        self._seeds: dict[Held, np.ndarray] = {}
+        self.num_ik = 0
+
+    def stands_alone(self, number: int) -> bool:
+        """Whether a single contact can carry the weight at all: gravity lies inside its friction cone."""
+        answer = self._alone.get(number)
+        if answer is None:
+            answer = self._alone[number] = bool(stands_alone(self.cone, self.pool.friction(number), self.pool.R[number]))
+        return answer
+
+    def region(self, held: Held) -> np.ndarray | None:
+        """(V, 2) polygon of the CoM positions that these contacts can balance [m], None if there are none."""
+        if held not in self._regions:
+            self._regions[held] = self._solve_region(held)
+        return self._regions[held]
+
+    def stance(self, held: Held) -> str:
+        """Why the robot cannot stand still with these contacts: "", "balance" or "reach"."""
+        return self._posture(held, held, None)
+
+    def transition(self, before: Held, after: Held) -> str:
+        """Why the step from one stance to the next cannot be made: "", "balance" or "reach"."""
+        support = tuple(a if a == b else -1 for a, b in zip(before, after, strict=True))
+        if self.region(support) is None:
+            return "balance"
+        reason = self._posture(before, support, self._seeds.get(before))
+        if reason:
+            return reason
+        seed = self._postures[before, support][1]
+        reason = self._posture(after, support, seed)
+        if not reason:
+            self._seeds.setdefault(after, self._postures[after, support][1])
+        return reason
+
+    def posture(self, held: Held, support: Held) -> np.ndarray | None:
+        """(nq,) the configuration found for these contacts over this support, None if there is none."""
+        reason, q = self._postures.get((held, support), ("unknown", np.zeros(0)))
+        return None if reason else q
+
+    def _posture(self, held: Held, support: Held, seed: np.ndarray | None) -> str:
+        key = (held, support)
+        known = self._postures.get(key)
+        if known is None:
+            known = self._postures[key] = self._solve_posture(held, support, seed)
+        return known[0]
+
+    def _solve_posture(self, held: Held, support: Held, seed: np.ndarray | None) -> tuple[str, np.ndarray]:
+        region = self.region(support)
+        if region is None:
+            return "balance", np.zeros(0)
+        active = np.array([n >= 0 for n in held])
+        X_WE = np.tile(np.eye(4), (len(held), 1, 1))
+        for e, n in enumerate(held):
+            if n >= 0:
+                X_WE[e, :3, :3], X_WE[e, :3, 3] = self.pool.R[n], self.pool.p[n]
+        self.num_ik += 1
+        answer = self.ik.solve(X_WE, active, region, seed)
+        if not answer.ok and seed is not None:
+            answer = self.ik.solve(X_WE, active, region, None)
+        if answer.ok:
+            return "", answer.q
+        return ("reach" if answer.contact_error > answer.com_violation else "balance"), answer.q
+
+    def _solve_region(self, held: Held) -> np.ndarray | None:
+        numbers = [n for n in held if n >= 0]
+        if not numbers:
+            return None
+        effectors = self.pool.effector[numbers]
+        generators = np.stack([self._cone(self.pool.friction(n)) for n in numbers])
+        corners = np.empty((MAX_CORNERS, 2))
+        count = com_polygon(
+            self.pool.p[numbers], self.pool.R[numbers], self._half[effectors], generators, self._limit[effectors], corners
+        )
+        return corners[:count].copy() if count >= 3 else None
+
+    def _cone(self, mu: float) -> np.ndarray:
+        if mu not in self._generators:
+            self._generators[mu] = cone_generators(self.cone, mu)
+        return self._generators[mu]
