@@ -5,10 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from scenes.input_error import InputError
 
 GRAVITY = 9.81  # [m/s^2], as in Drake
 REFERENCE_STEP = 0.2  # [s]: the documents sum their cost over knots of 0.2 s; other steps are weighted by dt / 0.2
+
+# Units of the program: m, s, M g; moments in M g ARM and angular momenta in M g ARM s, so that columns are of one size.
+ARM = 0.05  # [m]
+COST_SCALE = 1e-3  # the documents' cost of a transition is 100 to 1000
+LEAST_PRESSURE_LOAD = 0.01  # [M g]: in the cost, a centre of pressure is that of a contact loaded with at least this
+PENALTY = 300.0  # L1 weight [scaled cost per unit] of breaking a limit on angular momentum or reach
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class ContactSchedule:
             raise InputError("contact schedule: the contact sequence is empty")
         shift, swing = (max(1, round(time / dt)) for time in (shift_time, swing_time))
         rows: list[Sequence[Contact | None]] = []
-        for before, after in zip(stances, stances[1:], strict=False):
+        for before, after in pairwise(stances):
             moving = changed_effector(before, after)
             rows += [before.contacts] * shift + [before.replace(moving, None).contacts] * swing
         if settle or len(stances) == 1:

@@ -21,7 +21,7 @@ SOLVERS = ("auto", "piqp", "clarabel")
 
 
 @dataclass(frozen=True)
-class SolverOptionsRecord:
+class SolverSettings:
     """How a convex program is to be solved.
 
     Attributes:
@@ -73,9 +73,9 @@ class ConvexSolver:
     constraint or variable may be added to the program.
     """
 
-    def __init__(self, prog: MathematicalProgram, options: SolverOptionsRecord | None = None) -> None:
+    def __init__(self, prog: MathematicalProgram, options: SolverSettings | None = None) -> None:
         self.prog = prog
-        self.options = options or SolverOptionsRecord()
+        self.options = options or SolverSettings()
         quadratic = is_quadratic(prog)
         self.name = self._choose(quadratic)
         self._reader = ProgramReader(prog) if quadratic else None

@@ -25,7 +25,12 @@ class SparseRows:
         """Adds (..., a, b) blocks at rows (..., a) and columns (..., b)."""
         self.add(rows[..., :, None], cols[..., None, :], blocks)
 
-    def matrix(self, num_rows: int, num_cols: int) -> sp.csc_matrix:
-        """The (num_rows, num_cols) matrix."""
-        entries = (np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._cols)))
-        return sp.coo_matrix(entries, shape=(num_rows, num_cols)).tocsc()
+    def compressed(self, num_rows: int, num_cols: int) -> tuple[sp.csc_matrix, np.ndarray]:
+        """The matrix over the columns that occur, and which those are, ascending."""
+        rows, cols = np.concatenate(self._rows), np.concatenate(self._cols)
+        occurs = np.zeros(num_cols, bool)
+        occurs[cols] = True
+        used = np.flatnonzero(occurs)
+        place = np.cumsum(occurs) - 1
+        entries = np.concatenate(self._values), (rows, place[cols])
+        return sp.coo_matrix(entries, shape=(num_rows, len(used))).tocsc(), used
