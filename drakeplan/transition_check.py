@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from drakeplan.contact_pool import ContactPool
-from optimization.friction import cone_generators
-from optimization.static_equilibrium import com_polygon, stands_alone
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.friction import cone_generators, cone_index, frame_stands_alone
+from optimization.static_equilibrium import com_polygon
+from optimization.whole_body_ik import IkOptions, WholeBodyIK
 from scenes.robot import Robot
 
 Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
@@ -26,6 +26,8 @@ class TransitionCheck:
 
     def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, cone: str) -> None:
         self.pool, self.robot, self.cone, self.ik = pool, robot, cone, ik
+        self._cone_index = cone_index(cone)
+        self._ik_options = IkOptions(com_margin=BALANCE_MARGIN, restarts=0)
         self._half = np.array([e.half_extent for e in robot.effectors])
         self._limit = np.array(robot.force_limit, float)
         self._generators: dict[float, np.ndarray] = {}
@@ -39,7 +41,8 @@ class TransitionCheck:
         """Whether a single contact can carry the weight at all: gravity lies inside its friction cone."""
         answer = self._alone.get(number)
         if answer is None:
-            answer = self._alone[number] = bool(stands_alone(self.cone, self.pool.friction(number), self.pool.R[number]))
+            answer = frame_stands_alone(self._cone_index, self.pool.friction(number), self.pool.R[number])
+            self._alone[number] = answer
         return answer
 
     def region(self, held: Held) -> np.ndarray | None:
@@ -88,9 +91,9 @@ class TransitionCheck:
             if n >= 0:
                 X_WE[e, :3, :3], X_WE[e, :3, 3] = self.pool.R[n], self.pool.p[n]
         self.num_ik += 1
-        answer = self.ik.solve(X_WE, active, region, seed)
+        answer = self.ik.solve(X_WE, active, region, seed, options=self._ik_options)
         if not answer.ok and seed is not None:
-            answer = self.ik.solve(X_WE, active, region, None)
+            answer = self.ik.solve(X_WE, active, region, None, options=self._ik_options)
         if answer.ok:
             return "", answer.q
         return ("reach" if answer.contact_error > answer.com_violation else "balance"), answer.q
