@@ -152,7 +152,7 @@ def _add_obstacle(plant: MultibodyPlant, obstacle: Box | TriangleMesh) -> list[G
             _register(plant, DrakeBox(*obstacle.size), RigidTransform(obstacle.X_WO), name, OBSTACLE_FRICTION, OBSTACLE)
         ]
     faces = _solid_triangles(obstacle.faces)
-    looks = Mesh(InMemoryMesh(MemoryFile(_obj(faces), ".obj", _one_line(obstacle.name))))
+    looks = Mesh(InMemoryMesh(mesh_file=MemoryFile(_obj(faces), ".obj", _one_line(obstacle.name))))
     plant.RegisterVisualGeometry(plant.world_body(), RigidTransform(), looks, name, np.array(OBSTACLE))
     doubled = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
