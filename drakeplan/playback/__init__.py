@@ -1,0 +1,144 @@
+"""Shows a plan in Meshcat, live or as one self-contained page: terrain, robot, contacts, forces, time slider.
+
+It reads only the plan and the robot's model; what it shows was computed elsewhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams
+from scenes.scene_file import scene_from_yaml
+
+from drakeplan.plan import Plan
+from drakeplan.playback.animation import animate
+from drakeplan.playback.page import finished_page
+from drakeplan.playback.still import draw_still, light_and_look
+from drakeplan.playback.view import View, choose_view
+from scenes.input_error import InputError
+from scenes.robot import Robot, load_robot
+from scenes.scene import Scene
+
+HOST = "localhost"  # Drake's default listens on every interface
+UP = np.array([0.0, 0.0, 1.0])
+HEAD_ABOVE_COM = 0.75  # [m] that the camera leaves room for
+
+__all__ = ["open_meshcat", "page_html", "robot_of", "show_plan", "write_page"]
+
+
+def show_plan(plan: Plan, meshcat: Meshcat, robot: Robot | None = None) -> View:
+    """Draws a plan and hands meshcat its animation, ready to be played with the panel's controls.
+
+    Args:
+        plan: what to show; one of status "contacts" shows its contacts alone.
+        meshcat: where.
+        robot: the plan's robot, looked up by name when not given.
+
+    Returns:
+        the camera that was chosen.
+
+    Raises:
+        InputError: an unknown robot, or one whose model is not the plan's.
+    """
+    robot = robot or robot_of(plan)
+    scene = scene_from_yaml(plan.scene_yaml, source=f"plan of {plan.scene_name}")
+    draw_still(meshcat, plan, scene)
+    animate(meshcat, plan, robot)
+    view, extent = _camera(plan, scene)
+    light_and_look(meshcat, view, extent)
+    return view
+
+
+def page_html(plan: Plan, robot: Robot | None = None) -> str:
+    """The plan as one page with everything inline, animation and time slider included.
+
+    Raises:
+        InputError: as `show_plan`.
+    """
+    robot = robot or robot_of(plan)
+    meshcat = open_meshcat()
+    show_plan(plan, meshcat, robot)
+    return finished_page(meshcat.StaticHtml(), plan)
+
+
+def write_page(plan: Plan, path: str | Path, robot: Robot | None = None) -> None:
+    """Writes `page_html` in one step: whoever looks at `path` sees the old file or the whole new one.
+
+    Raises:
+        InputError: as `show_plan`, or the file cannot be written.
+    """
+    path = Path(path)
+    text = page_html(plan, robot)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def open_meshcat(port: int | None = None) -> Meshcat:
+    """A Meshcat server that only this machine can reach.
+
+    Args:
+        port: where it listens; None for any free one from 7000 on.
+
+    Raises:
+        InputError: the port is taken or not allowed.
+    """
+    parameters = MeshcatParams(host=HOST, port=port, show_stats_plot=False)
+    with _quiet_drake():
+        try:
+            return Meshcat(parameters)
+        except RuntimeError as error:
+            where = f"port {port}" if port is not None else "any port from 7000 to 7999"
+            raise InputError(f"cannot open {HOST} at {where}: it is taken or not allowed ({error})") from None
+
+
+def robot_of(plan: Plan) -> Robot:
+    """The robot that the plan names, provided that its model is still the one the plan was made for.
+
+    Raises:
+        InputError: an unknown robot or another model.
+    """
+    robot = load_robot(plan.robot)
+    if robot.model_sha256 != plan.robot_model_sha256:
+        raise InputError(
+            f"the plan was made for another model of {plan.robot} "
+            f"(sha256 {plan.robot_model_sha256[:12]}, here {robot.model_sha256[:12]})"
+        )
+    return robot
+
+
+def _camera(plan: Plan, scene: Scene) -> tuple[View, float]:
+    """The view on the whole way, and how far from its target things matter [m]."""
+    contacts = plan.contacts.X_WC[:, :3, 3]
+    way = plan.centroidal.com if plan.centroidal is not None else contacts + 0.8 * UP
+    goal = [scene.goal.xyz] if scene.goal is not None and np.isfinite(scene.goal.xyz).all() else []
+    points = np.concatenate([way, way + HEAD_ABOVE_COM * UP, contacts, np.reshape(goal, (-1, 3))])
+    fans = [
+        np.stack([np.broadcast_to(s.vertices[0], (len(s.vertices) - 2, 3)), s.vertices[1:-1], s.vertices[2:]], axis=1)
+        for s in scene.terrain.surfaces
+    ]
+    view = choose_view(way, points, np.concatenate([*fans, plan.triangles]))
+    return view, float(np.linalg.norm(points - view.target, axis=1).max()) + 1.0
+
+
+@contextlib.contextmanager
+def _quiet_drake() -> Iterator[None]:
+    """Meshcat announces its address on the log; the command line says it in its own way."""
+    logger = logging.getLogger("drake")
+    before = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)

@@ -1,0 +1,142 @@
+"""Draws what does not move: terrain, contacts, the path of the centre of mass, the goal, light and camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Box, Cylinder, Meshcat, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drakeplan.plan import Plan
+from drakeplan.playback import terrain_mesh
+from drakeplan.playback.view import FIELD_OF_VIEW, View
+from scenes.scene import Scene
+
+ROOT = "/drakeplan"
+# red, green, cyan, magenta: the colours of the figures in Lin 2020
+EFFECTOR_COLOURS = {
+    "left_foot": Rgba(0.87, 0.10, 0.10),
+    "right_foot": Rgba(0.10, 0.66, 0.16),
+    "left_palm": Rgba(0.0, 0.72, 0.82),
+    "right_palm": Rgba(0.84, 0.10, 0.74),
+}
+COM_COLOUR = Rgba(0.12, 0.16, 0.42)
+GOAL_COLOUR = Rgba(0.96, 0.70, 0.10)
+PATCH = 0.008  # [m] thickness of a contact's patch, the greater part of it above the surface
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """How many of each were drawn."""
+
+    plates: int
+    walls: int
+    obstacle_triangles: int
+    contacts: int
+
+
+def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> Drawn:
+    """Draws all that does not move."""
+    surfaces = scene.terrain.surfaces
+    walls = [i for i, s in enumerate(surfaces) if terrain_mesh.is_wall(s)]
+    plates = [i for i, s in enumerate(surfaces) if not terrain_mesh.is_wall(s)]
+    _mesh(meshcat, "terrain/plates", terrain_mesh.plate_mesh(surfaces, plates))
+    _mesh(meshcat, "terrain/walls", terrain_mesh.wall_mesh(surfaces, walls), one_sided=True)
+    _mesh(meshcat, "terrain/obstacles", terrain_mesh.rock_mesh(plan.triangles), one_sided=True)
+    starts, ends = terrain_mesh.outlines(surfaces)
+    grey = Rgba(*terrain_mesh.OUTLINE)
+    meshcat.SetLineSegments(f"{ROOT}/terrain/outlines", starts.T, ends.T, 1.0, grey)
+    for c in range(len(plan.contacts)):
+        _patch(meshcat, plan, c)
+    if plan.centroidal is not None:
+        _com_path(meshcat, plan.centroidal.com)
+    if scene.goal is not None:
+        _goal(meshcat, np.asarray(scene.goal.xyz, float), scene.goal.radius)
+    return Drawn(len(plates), len(walls), len(plan.triangles), len(plan.contacts))
+
+
+def _mesh(meshcat: Meshcat, name: str, mesh: terrain_mesh.ColouredMesh, *, one_sided: bool = False) -> None:
+    if not len(mesh):
+        return
+    vertices = mesh.triangles.reshape(-1, 3).T
+    faces = np.arange(vertices.shape[1], dtype=np.int32).reshape(-1, 3).T
+    colours = np.repeat(mesh.colours, 3, axis=0).T
+    side = Meshcat.SideOfFaceToRender.kFrontSide if one_sided else Meshcat.SideOfFaceToRender.kDoubleSide
+    meshcat.SetTriangleColorMesh(f"{ROOT}/{name}", vertices, faces, colours, False, 1.0, side)
+
+
+def _patch(meshcat: Meshcat, plan: Plan, index: int) -> None:
+    effector = int(plan.contacts.effector[index])
+    name = plan.effectors[effector]
+    length, width = 2 * plan.half_extent[effector]
+    path = f"{ROOT}/contacts/{name}/{index}"
+    meshcat.SetObject(path, Box(length, width, PATCH), EFFECTOR_COLOURS[name])
+    X_WC = plan.contacts.X_WC[index]
+    R_WC = RotationMatrix.ProjectToRotationMatrix(X_WC[:3, :3])  # a file may hold one that is off in its last digits
+    meshcat.SetTransform(path, RigidTransform(R_WC, X_WC[:3, 3] + 0.3 * PATCH * X_WC[:3, 2]))
+
+
+def _com_path(meshcat: Meshcat, com: np.ndarray) -> None:
+    step = max(1, len(com) // 600)
+    path = np.concatenate([com[:-1:step], com[-1:]])
+    moved = np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-4
+    path = path[np.concatenate([[True], moved])]
+    if len(path) < 2:
+        return
+    vertices, faces = terrain_mesh.tube(path, radius=0.009)
+    meshcat.SetTriangleMesh(f"{ROOT}/com_path", vertices.T, faces.T.astype(np.int32), COM_COLOUR)
+
+
+def _goal(meshcat: Meshcat, xyz: np.ndarray, radius: float) -> None:
+    """A pole with a flag and a ring of the goal's radius around it."""
+    pole = f"{ROOT}/goal/pole"
+    height = 1.0
+    meshcat.SetObject(pole, Cylinder(0.008, height), Rgba(0.35, 0.35, 0.38))
+    meshcat.SetTransform(pole, RigidTransform(xyz + np.array([0.0, 0.0, height / 2])))
+    flag = np.array([[0.0, 0.0, height], [0.0, 0.0, height - 0.16], [0.25, 0.0, height - 0.08]]) + xyz
+    meshcat.SetTriangleMesh(f"{ROOT}/goal/flag", flag.T, np.array([[0, 1, 2]], np.int32).T, GOAL_COLOUR)
+    turn = np.linspace(0, 2 * np.pi, 61)
+    ring = xyz + radius * np.stack([np.cos(turn), np.sin(turn), np.full(61, 0.02)], axis=1) * [1, 1, 1 / radius]
+    vertices, faces = terrain_mesh.tube(ring, radius=0.007)
+    meshcat.SetTriangleMesh(f"{ROOT}/goal/ring", vertices.T, faces.T.astype(np.int32), GOAL_COLOUR)
+
+
+def light_and_look(meshcat: Meshcat, view: View, extent: float) -> None:
+    """One sun with soft shadows, a pale sky, and the camera; `extent` [m] is how far from the target things matter."""
+    meshcat.SetProperty("/Grid", "visible", False)
+    meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Background/<object>", "top_color", [0.55, 0.68, 0.83])
+    meshcat.SetProperty("/Background/<object>", "bottom_color", [0.90, 0.92, 0.94])
+    meshcat.SetProperty("/Lights/PointLightNegativeX", "visible", False)
+    meshcat.SetProperty("/Lights/PointLightPositiveX", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.1)
+    meshcat.SetProperty("/Lights/FillLight/<object>", "intensity", 0.5)
+    _sun(meshcat, view, extent)
+    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW, aspect=1, near=0.05, far=max(100.0, 20 * extent)))
+    meshcat.SetCameraPose(view.eye, view.target)
+
+
+def _sun(meshcat: Meshcat, view: View, extent: float) -> None:
+    """Meshcat's spot light, far away and without decay; over the shoulder of whoever looks."""
+    sun = "/Lights/SpotLight/<object>"
+    look = view.eye - view.target
+    azimuth = np.arctan2(look[1], look[0]) + np.deg2rad(50.0)
+    height = np.deg2rad(52.0)
+    distance = 4.0 * extent
+    towards = np.array([np.cos(azimuth) * np.cos(height), np.sin(azimuth) * np.cos(height), np.sin(height)])
+    meshcat.SetProperty("/Lights/SpotLight", "visible", True)
+    meshcat.SetProperty(sun, "position", list(view.target + distance * towards))
+    for axis, value in zip((12, 13, 14), view.target, strict=True):  # the light's target stands in no scene graph
+        meshcat.SetProperty(sun, f"target.matrixWorld.elements[{axis}]", float(value))
+    meshcat.SetProperty(sun, "decay", 0.0)
+    meshcat.SetProperty(sun, "intensity", 2.4)
+    meshcat.SetProperty(sun, "angle", float(1.15 * np.arctan2(extent, distance)))
+    meshcat.SetProperty(sun, "penumbra", 0.2)
+    meshcat.SetProperty(sun, "castShadow", True)
+    for key in ("width", "height"):
+        meshcat.SetProperty(sun, f"shadow.mapSize.{key}", 4096.0)
+    meshcat.SetProperty(sun, "shadow.camera.near", 0.3 * distance)
+    meshcat.SetProperty(sun, "shadow.camera.far", 2.5 * distance)
+    meshcat.SetProperty(sun, "shadow.normalBias", 0.02)
+    meshcat.SetProperty(sun, "shadow.bias", -0.0002)
