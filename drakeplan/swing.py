@@ -10,8 +10,10 @@ from numba import njit
 from scenes.contact import Contact
 from scenes.packed_terrain import PackedTerrain, near, polygon_meets_box
 
-RISE = 0.4  # share of the swing in which the effector leaves along the old normal, and lands along the new one
-TRAVELS = np.array([0.1, 0.22])  # share at either end in which it moves along the normal alone; the usual one first
+RISE = 0.4  # share of the swing that it takes to leave the old contact, or to land on the new one
+WAIT = 0.06  # share of the swing after which a foot also rises straight up
+ALONG = 0.03  # [m] a foot leaves and lands along the normal, a palm all the way
+TRAVELS = np.array([0.1, 0.22])  # share at either end without travel; the usual one first
 LATE = 0.05  # [m] of height that the usual share of travel is worth: a late one travels faster
 LIFTS = np.array([0.05, 0.08, 0.11, 0.14, 0.18, 0.22, 0.27, 0.32, 0.38])  # [m] tried from the lowest
 SIDES = np.array([0.0, 0.05, 0.10, 0.15])  # [m] away from the other foot, tried in this order
@@ -25,18 +27,20 @@ SHIN_HALF, SHIN_TOP = 0.055, 0.40  # [m] half width and height of the box that s
 class SwingCurve:
     """An end effector's pose over a swing, u from 0 to 1.
 
-        p(u) = p_A + lift n_A s(u / RISE) + (p_B + lower n_B - p_A - lift n_A) s(v)
-               - lower n_B s((u - 1 + RISE) / RISE) + side b(v),        v = (u - travel) / (1 - 2 travel)
-        R(u) = R_A exp(theta s(v))
+        p(u) = p_A + a(u) + (p_B + b(1) - p_A - a(1)) s(v) + b(1 - u) - b(1) + side bump(v)
+        R(u) = R_A exp(theta s(v)),        v = (u - travel) / (1 - 2 travel)
+        a(u) = min(lift, along) n_A s(u / RISE) + max(lift - along, 0) e_z s((u - WAIT) / RISE),  b alike from n_B, lower
 
-    with s the quintic smooth step and b a smooth bump between the ends of the travel. Each term has zero velocity and
-    acceleration at its ends, so the curve leaves p_A along its normal n_A and lands on p_B along n_B at rest.
+    with s the quintic smooth step and a smooth bump between the ends of the travel. Each term has zero velocity and
+    acceleration at its ends, so the curve leaves p_A along its normal n_A and lands on p_B along n_B at rest. Further up
+    it rises straight: a tilted stone's normal would take the foot out of the leg's reach.
 
     Attributes:
         X_WA, X_WB: (4, 4) first and last pose [m]; z axes are the contact normals.
         lift, lower: heights over the first and the last contact [m].
         side: (3,) greatest sideways displacement in W [m].
-        travel: share of the swing at either end in which it moves along the normal alone.
+        travel: share of the swing at either end in which it does not travel.
+        along: how much of the heights is along the normals, the rest is upwards [m].
         clear: whether no sample meets the terrain.
     """
 
@@ -46,12 +50,13 @@ class SwingCurve:
     lower: float
     side: np.ndarray
     travel: float = TRAVELS[0]
+    along: float = ALONG
     clear: bool = True
 
     def poses(self, u: np.ndarray) -> np.ndarray:
         """(n, 4, 4) pose in W at every u (n,) in [0, 1]."""
         u = np.ascontiguousarray(np.clip(u, 0.0, 1.0))
-        return _curve(self.X_WA, self.X_WB, self.lift, self.lower, np.asarray(self.side, float), self.travel, u)
+        return _curve(self.X_WA, self.X_WB, self.lift, self.lower, np.asarray(self.side, float), self.travel, self.along, u)
 
 
 def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
@@ -59,7 +64,7 @@ def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
 
     A palm that makes a contact follows the second half, one that breaks a contact the first.
     """
-    return SwingCurve(contact.X_WC, contact.X_WC, height, height, np.zeros(3))
+    return SwingCurve(contact.X_WC, contact.X_WC, height, height, np.zeros(3), along=np.inf)
 
 
 def plan_swing(
@@ -97,8 +102,9 @@ def plan_swing(
     low = np.minimum(X_WA[:2, 3], X_WB[:2, 3]) - reach - LIFTS[-1]
     high = np.maximum(X_WA[:2, 3], X_WB[:2, 3]) + reach + LIFTS[-1]
     around = near(packed, low[0], low[1], high[0], high[1])
-    lift, lower, push, travel, hits = _lowest(packed, around, blocks, X_WA, X_WB, away, box, raised, pushed)
-    return SwingCurve(X_WA, X_WB, lift, lower, push * away, travel, clear=hits == 0)
+    along = np.inf if other is None else ALONG
+    lift, lower, push, travel, hits = _lowest(packed, around, blocks, X_WA, X_WB, away, box, along, raised, pushed)
+    return SwingCurve(X_WA, X_WB, lift, lower, push * away, travel, along, clear=hits == 0)
 
 
 def mirrored(curve: SwingCurve) -> SwingCurve:
@@ -107,7 +113,7 @@ def mirrored(curve: SwingCurve) -> SwingCurve:
 
 
 def _away(X_WA: np.ndarray, X_WB: np.ndarray, other: Contact | None) -> np.ndarray:
-    """(3,) horizontal unit vector from the standing foot to the way's middle, square to the way; for palms, W's x."""
+    """(3,) horizontal unit vector from the standing foot to the way's middle, square to the way; a palm's normal."""
     if other is None:
         return X_WA[:3, 2] * 1.0
     way = X_WB[:3, 3] - X_WA[:3, 3]
@@ -141,22 +147,27 @@ def smooth_step(x: float) -> float:
 
 @njit(cache=True)
 def _curve(
-    X_WA: np.ndarray, X_WB: np.ndarray, lift: float, lower: float, side: np.ndarray, travel: float, u: np.ndarray
-) -> np.ndarray:
+    X_WA: np.ndarray, X_WB: np.ndarray, lift: float, lower: float, side: np.ndarray, travel: float, along: float,
+    u: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     R_WA, R_WB = np.ascontiguousarray(X_WA[:3, :3]), np.ascontiguousarray(X_WB[:3, :3])
     theta = _rotation_vector(R_WA.T @ R_WB)
     angle = np.sqrt(theta @ theta)
+    normal_a, normal_b = min(lift, along), min(lower, along)
     poses = np.zeros((u.shape[0], 4, 4))
     for i in range(u.shape[0]):
         v = min(max((u[i] - travel) / (1.0 - 2.0 * travel), 0.0), 1.0)
         s = smooth_step(v)
-        rise = smooth_step(u[i] / RISE)
-        fall = smooth_step((u[i] - 1.0 + RISE) / RISE)
         bump = 64.0 * (v * (1.0 - v)) ** 3
+        along_a, up_a = smooth_step(u[i] / RISE), smooth_step((u[i] - WAIT) / RISE)
+        along_b, up_b = smooth_step((1.0 - u[i]) / RISE), smooth_step((1.0 - u[i] - WAIT) / RISE)
         for a in range(3):
-            up_a, up_b = lift * X_WA[a, 2], lower * X_WB[a, 2]
-            way = X_WB[a, 3] + up_b - X_WA[a, 3] - up_a
-            poses[i, a, 3] = X_WA[a, 3] + up_a * rise + way * s - up_b * fall + side[a] * bump
+            n_a, n_b, e_z = normal_a * X_WA[a, 2], normal_b * X_WB[a, 2], 1.0 if a == 2 else 0.0
+            top_a, top_b = n_a + (lift - normal_a) * e_z, n_b + (lower - normal_b) * e_z
+            leave = n_a * along_a + (lift - normal_a) * e_z * up_a
+            land = n_b * along_b + (lower - normal_b) * e_z * up_b
+            way = X_WB[a, 3] + top_b - X_WA[a, 3] - top_a
+            poses[i, a, 3] = X_WA[a, 3] + leave + way * s + land - top_b + side[a] * bump
         poses[i, :3, :3] = R_WA @ _rotation(theta, angle, s)
         poses[i, 3, 3] = 1.0
     return poses
@@ -195,7 +206,7 @@ def _rotation(theta: np.ndarray, angle: float, s: float) -> np.ndarray:
 @njit(cache=True)
 def _lowest(
     packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WA: np.ndarray, X_WB: np.ndarray,
-    away: np.ndarray, box: np.ndarray, raised: float, pushed: float,
+    away: np.ndarray, box: np.ndarray, along: float, raised: float, pushed: float,
 ) -> tuple[float, float, float, float, int]:  # fmt: skip
     """(lift, lower, push, travel, hits) of the cheapest clear curve at the least push, else of the one with fewest hits.
 
@@ -210,7 +221,7 @@ def _lowest(
             i = j = 0
             while i < LIFTS.shape[0] and j < LIFTS.shape[0]:
                 lift, lower = LIFTS[i] + raised, LIFTS[j] + raised
-                poses = _curve(X_WA, X_WB, lift, lower, side, travel, u)
+                poses = _curve(X_WA, X_WB, lift, lower, side, travel, along, u)
                 early, late = _hits(packed, around, blocks, poses, u, box, free, travel)
                 price = lift + lower + (LATE if travel > TRAVELS[0] else 0.0)
                 if early + late < best[4] or (early + late == 0 and price < cost):

@@ -76,7 +76,7 @@ def test_velocity_and_acceleration_vanish_at_both_ends_and_the_speed_is_bounded(
 @settings(deadline=None)  # the first call compiles
 @given(curves())
 def test_it_leaves_and_lands_along_the_surface_normals(curve):
-    for X, u, height in ((curve.X_WA, 0.09, curve.lift), (curve.X_WB, 0.91, curve.lower)):
+    for X, u, height in ((curve.X_WA, 0.055, curve.lift), (curve.X_WB, 0.945, curve.lower)):
         offset = curve.poses(np.array([u]))[0, :3, 3] - X[:3, 3]
         assert offset @ X[:3, 2] == pytest.approx(np.linalg.norm(offset)) and 0 < offset @ X[:3, 2] < height
 

@@ -1,0 +1,119 @@
+"""Which bodies come near each other in which configurations, and the rows that keep them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import GeometryId
+
+from optimization.kinematics import Kinematics
+from optimization.posture_tracking import DistanceRows
+from scenes.effector import EFFECTORS
+from scenes.plant import RobotPlant
+
+TERRAIN = -1  # the "link" of everything that stands still
+
+
+@dataclass(frozen=True, eq=False)
+class Encounters:
+    """R pairs of geometries that are near each other, sorted by frame.
+
+    Attributes:
+        frame: (R,) index of the configuration.
+        distance: (R,) signed [m]; negative is penetration.
+        link: (R, 2) links of the kinematic tree, `TERRAIN` for what stands still.
+        point: (R, 2, 3) the witness points in those links' frames, in W for the terrain [m].
+        normal: (R, 3) unit vector in W from the second body to the first.
+        effector: (R,) the end effector whose foot or hand meets the terrain, -1 for every other pair.
+        bodies: (R,) names of the two bodies.
+    """
+
+    frame: np.ndarray
+    distance: np.ndarray
+    link: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    effector: np.ndarray
+    bodies: tuple[tuple[str, str], ...]
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def where(self, keep: np.ndarray) -> Encounters:
+        """Those that the mask (R,) keeps."""
+        bodies = tuple(b for b, k in zip(self.bodies, keep, strict=True) if k)
+        arrays = (self.frame, self.distance, self.link, self.point, self.normal, self.effector)
+        return Encounters(*(a[keep] for a in arrays), bodies)
+
+    @property
+    def with_terrain(self) -> np.ndarray:
+        """(R,) bool, True where one of the two stands still."""
+        return (self.link == TERRAIN).any(axis=1)
+
+    def rows(self, num_frames: int, wanted: np.ndarray) -> DistanceRows:
+        """Rows that ask each pair for the distance `wanted` (R,) [m] in its frame."""
+        start = np.searchsorted(self.frame, np.arange(num_frames + 1)).astype(np.int64)
+        return DistanceRows(
+            start,
+            np.ascontiguousarray(self.link),
+            np.ascontiguousarray(self.point),
+            np.ascontiguousarray(self.normal),
+            np.ascontiguousarray(wanted, dtype=float),
+        )
+
+
+class ProximityMonitor:
+    """Asks Drake for the pairs of bodies that come near each other.
+
+    Args:
+        robot_plant: robot and terrain.
+        kinematics: of the same robot, whose links the witness points are given in.
+    """
+
+    def __init__(self, robot_plant: RobotPlant, kinematics: Kinematics) -> None:
+        self._plant, self._scene_graph = robot_plant.plant, robot_plant.scene_graph
+        self._context = robot_plant.new_context()
+        self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
+        self._query_context = self._scene_graph.GetMyContextFromRoot(self._context)
+        inspector = self._scene_graph.model_inspector()
+        self._home: dict[GeometryId, tuple[int, np.ndarray, np.ndarray, str, int]] = {}
+        for geometry in inspector.GetAllGeometryIds():
+            if inspector.GetProximityProperties(geometry) is None:
+                continue
+            X_BG = inspector.GetPoseInFrame(geometry).GetAsMatrix4()
+            body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+            link, X_LB = TERRAIN, np.eye(4)
+            if geometry not in robot_plant.terrain_geometry:
+                link, X_LB = kinematics.bodies[body.name()]
+            X_LG = X_LB @ X_BG
+            effector = next((e for e in range(len(EFFECTORS)) if geometry in robot_plant.effector_geometry[e]), -1)
+            name = robot_plant.body_of(geometry)
+            self._home[geometry] = (link, X_LG[:3, :3].copy(), X_LG[:3, 3].copy(), name, effector)
+
+    def near(self, q: np.ndarray, frames: Iterable[int], distance: float) -> Encounters:
+        """Every pair closer than `distance` [m] in the given frames of q (T, nq), frames ascending."""
+        frame, gap, link, point, normal, effector, bodies = [], [], [], [], [], [], []
+        for t in frames:
+            self._plant.SetPositions(self._plant_context, q[t])
+            query = self._scene_graph.get_query_output_port().Eval(self._query_context)
+            for pair in query.ComputeSignedDistancePairwiseClosestPoints(distance):
+                a, b = self._home[pair.id_A], self._home[pair.id_B]
+                frame.append(t)
+                gap.append(pair.distance)
+                link.append((a[0], b[0]))
+                point.append((a[1] @ pair.p_ACa + a[2], b[1] @ pair.p_BCb + b[2]))
+                normal.append(pair.nhat_BA_W)
+                meets_terrain = (a[0] == TERRAIN) != (b[0] == TERRAIN)
+                effector.append(max(a[4], b[4]) if meets_terrain else -1)
+                bodies.append((a[3], b[3]))
+        return Encounters(
+            np.array(frame, dtype=np.int64),
+            np.array(gap, dtype=float),
+            np.array(link, dtype=np.int64).reshape(-1, 2),
+            np.array(point, dtype=float).reshape(-1, 2, 3),
+            np.array(normal, dtype=float).reshape(-1, 3),
+            np.array(effector, dtype=np.int64),
+            tuple(bodies),
+        )

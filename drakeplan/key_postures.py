@@ -1,0 +1,191 @@
+"""Whole-body postures at the boundaries of phases: where every motion must pass (Lin 2020 sec. 3.3).
+
+A transition has two critical configurations: the mover has just left its old contact, and it is about to make the new
+one. At both the CoM lies over what the shared contacts can balance. They bound the swing phase, so one posture for
+each phase boundary gives the CoM a course that statics and kinematics agree on, and the motion a posture to stay near.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely.ops import nearest_points
+
+from drakeplan.encounters import ProximityMonitor
+from drakeplan.phases import Schedule
+from optimization.friction import cone_generators
+from optimization.kinematics import Kinematics
+from optimization.posture_tracking import DistanceRows, TrackingTargets, no_rows, track_postures
+from optimization.static_equilibrium import com_polygon
+from scenes.contact import Contact
+from scenes.robot import Robot
+
+MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
+MAX_CORNERS = 48  # of a balance polygon
+HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
+KNEE_SLACK = 0.03  # [rad] of every joint's range that key postures leave unused, so that the motion has some
+APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
+GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
+ROUNDS = 4  # of moving bodies apart
+
+
+@dataclass(frozen=True, eq=False)
+class KeyPostures:
+    """One posture for each phase boundary, P + 1 of them.
+
+    Attributes:
+        q: (P + 1, nq).
+        com: (P + 1, 3) their centres of mass [m].
+        contact_error: (P + 1,) greatest distance of a placed end effector from its contact [m].
+        com_error: (P + 1,) horizontal distance of the CoM from where it was wanted [m].
+        regions: (P + 1) balance polygons (V, 2) of the contacts that carry there, CCW [m].
+    """
+
+    q: np.ndarray
+    com: np.ndarray
+    contact_error: np.ndarray
+    com_error: np.ndarray
+    regions: tuple[np.ndarray, ...]
+
+    def failures(self) -> list[int]:
+        """Boundaries without a posture."""
+        return np.flatnonzero((self.contact_error > GOOD_CONTACT) | (self.com_error > GOOD_COM)).tolist()
+
+
+class BalanceRegions:
+    """Balance polygons of sets of contacts, each worked out once."""
+
+    def __init__(self, robot: Robot, cone: str) -> None:
+        self._robot, self._cone = robot, cone
+        self._known: dict[tuple[Contact, ...], np.ndarray] = {}
+
+    def __call__(self, contacts: tuple[Contact, ...]) -> np.ndarray:
+        """(V, 2) corners, CCW [m]; V = 0 where the contacts balance nowhere."""
+        if contacts not in self._known:
+            effectors = [e.name for e in self._robot.effectors]
+            index = [effectors.index(c.effector) for c in contacts]
+            corners = np.empty((MAX_CORNERS, 2))
+            count = com_polygon(
+                np.array([c.p_WC for c in contacts]),
+                np.array([c.R_WC for c in contacts]),
+                self._robot.half_extents[index],
+                np.array([cone_generators(self._cone, c.friction) for c in contacts]),
+                self._robot.force_limit[index],
+                corners,
+            )
+            self._known[contacts] = corners[: max(count, 0)].copy()
+        return self._known[contacts]
+
+
+def resting_point(region: np.ndarray, toward: np.ndarray, margin: float = MARGIN) -> np.ndarray:
+    """(2,) point of the region, `margin` inside its edge where it is wide enough, that is nearest to `toward` [m]."""
+    polygon = shapely.Polygon(region)
+    inner = polygon.buffer(-margin, join_style="mitre")
+    while inner.is_empty and margin > 1e-3:
+        margin *= 0.7
+        inner = polygon.buffer(-margin, join_style="mitre")
+    if inner.is_empty:
+        return np.array(polygon.centroid.coords[0])
+    point = shapely.Point(toward)
+    if inner.contains(point):
+        return np.asarray(toward, dtype=float)
+    return np.array(nearest_points(inner, point)[0].coords[0])
+
+
+def solve_key_postures(
+    robot: Robot,
+    kinematics: Kinematics,
+    schedule: Schedule,
+    regions: BalanceRegions,
+    monitor: ProximityMonitor,
+    *,
+    margin: float = MARGIN,
+) -> KeyPostures:
+    """Solves all of them together, then moves bodies apart that come too near each other or the terrain."""
+    placed, support = _boundary_contacts(schedule)
+    polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
+    targets = _targets(robot, kinematics, schedule, placed, polygons, margin)
+    q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
+    answer = track_postures(kinematics.tree, targets, q, chained=False, max_iterations=60)
+    for _ in range(ROUNDS):
+        met = monitor.near(answer.q, range(len(q)), SEEN)
+        met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
+        close = np.zeros(len(q), dtype=bool)
+        close[met.frame[met.distance < APART - 2e-3]] = True
+        if not close.any():
+            break
+        rows = met.rows(len(q), np.full(len(met), APART))
+        targets = _with_rows(targets, rows)
+        answer = track_postures(kinematics.tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
+    com = np.array([kinematics.com(x) for x in answer.q])
+    com_error = np.linalg.norm(answer.com_error[:, :2], axis=1)
+    com_error[[len(p) < 3 for p in polygons]] = np.inf
+    return KeyPostures(answer.q, com, answer.effector_error.max(axis=1), com_error, polygons)
+
+
+def standing_over(q_nominal: np.ndarray, feet_mean: np.ndarray, heading: float) -> np.ndarray:
+    """(nq,) the nominal posture moved to a mean of the feet (3,) [m] and a heading [rad]."""
+    q = np.array(q_nominal)
+    w0, x0, y0, z0 = q_nominal[:4]
+    c, s = np.cos(heading / 2), np.sin(heading / 2)
+    q[:4] = [c * w0 - s * z0, c * x0 - s * y0, c * y0 + s * x0, c * z0 + s * w0]
+    x, y = q_nominal[4:6]
+    c, s = np.cos(heading), np.sin(heading)
+    q[4:7] = feet_mean + np.array([c * x - s * y, s * x + c * y, q_nominal[6]])
+    return q
+
+
+def _boundary_contacts(schedule: Schedule) -> tuple[np.ndarray, np.ndarray]:
+    """(P + 1, E) contacts in place, and contacts that carry, at every boundary: swings decide on both of their ends."""
+    num = len(schedule.phases)
+    placed, support = np.empty((num + 1, 4), np.int64), np.empty((num + 1, 4), np.int64)
+    for b in range(num + 1):
+        placed[b] = schedule.stance_contact[b // 2 if b < num else (num - 1) // 2]
+        swing = b if b % 2 else b - 1
+        support[b] = schedule.phases[swing].contacts if 0 <= swing < num and swing % 2 else placed[b]
+    return placed, support
+
+
+def _stands(schedule: Schedule, placed: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Mean of the feet [m] and heading [rad] at every boundary."""
+    stands = []
+    for row in placed:
+        left, right = schedule.contacts[row[0]], schedule.contacts[row[1]]
+        x = left.R_WC[:2, 0] + right.R_WC[:2, 0]
+        stands.append((0.5 * (left.p_WC + right.p_WC), float(np.arctan2(x[1], x[0]))))
+    return stands
+
+
+def _targets(
+    robot: Robot,
+    kinematics: Kinematics,
+    schedule: Schedule,
+    placed: np.ndarray,
+    polygons: tuple[np.ndarray, ...],
+    margin: float,
+) -> TrackingTargets:
+    num, num_effectors = placed.shape
+    X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
+    for b, e in zip(*np.nonzero(placed >= 0), strict=True):
+        X_WE[b, e] = schedule.contacts[placed[b, e]].X_WC
+    com, q_ref = np.zeros((num, 3)), np.empty((num, len(robot.q_nominal)))
+    for b, (feet, heading) in enumerate(_stands(schedule, placed)):
+        com[b, :2] = resting_point(polygons[b], feet[:2], margin) if len(polygons[b]) >= 3 else feet[:2]
+        q_ref[b] = standing_over(robot.q_nominal, feet, heading)
+    tree = kinematics.tree
+    weight = posture_weight(len(tree.lower))
+    return TrackingTargets(
+        X_WE, np.where(placed >= 0, HOLD, 0.0), com, np.tile([COM, COM, 0.0], (num, 1)), q_ref, weight,
+        tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
+    )  # fmt: skip
+
+
+def posture_weight(num_joints: int) -> np.ndarray:
+    """(nv,) weights of base orientation, base position (none) and joints."""
+    return np.concatenate([np.full(3, UPRIGHT), np.zeros(3), np.full(num_joints, POSTURE)])
+
+
+def _with_rows(targets: TrackingTargets, rows: DistanceRows) -> TrackingTargets:
+    return replace(targets, rows=rows if len(rows.wanted) else no_rows(len(targets.com)))

@@ -1,0 +1,156 @@
+"""What every frame of the motion should do: contacts to hold, swings to follow, a CoM and a posture to stay near."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.spatial.transform import Rotation
+
+from drakeplan.key_postures import COM, HOLD, posture_weight
+from drakeplan.phases import MAKE, MOVE, Schedule
+from drakeplan.swing import SwingCurve, hover, plan_swing, smooth_step
+from optimization.kinematic_tree import KinematicTree
+from optimization.posture_tracking import TrackingTargets
+from scenes.effector import is_foot
+from scenes.packed_terrain import PackedTerrain
+from scenes.projection import FOOT_CLEARANCE, PALM_CLEARANCE
+from scenes.robot import Robot
+
+NEAR, AIR = 100.0, 4.0  # weights of a swinging end effector beside its contacts and in the air: there the CoM leads
+NEARBY = 0.2  # share of the swing over which one changes into the other
+GUIDED = (0.05, 0.6)  # shares of a palm's way to its wall between which its curve takes over from the free arm
+LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
+
+
+@dataclass(frozen=True)
+class Detour:
+    """What a swing was given beyond its lowest curve: height, sideways way and room below [m]."""
+
+    raised: float = 0.0
+    pushed: float = 0.0
+
+
+def plan_swings(
+    robot: Robot, packed: PackedTerrain, schedule: Schedule, detours: dict[int, Detour], clearance: float
+) -> list[SwingCurve]:
+    """One curve for each transition; a palm that makes or breaks a contact has only the wall's end of one."""
+    swings = range(len(schedule.stances) - 1)
+    return [plan_one_swing(robot, packed, schedule, k, detours.get(k, Detour()), clearance) for k in swings]
+
+
+def plan_one_swing(
+    robot: Robot, packed: PackedTerrain, schedule: Schedule, k: int, detour: Detour, clearance: float
+) -> SwingCurve:
+    """The curve of transition k."""
+    mover = schedule.phases[2 * k + 1].mover
+    before, after = schedule.stances[k].contacts[mover], schedule.stances[k + 1].contacts[mover]
+    if before is None or after is None:
+        return hover(after if before is None else before)
+    foot = is_foot(robot.effectors[mover].name)
+    return plan_swing(
+        packed,
+        before,
+        after,
+        robot.effectors[mover].half_extent,
+        FOOT_CLEARANCE if foot else PALM_CLEARANCE,
+        clearance=clearance,
+        other=schedule.stances[k].contacts[1 - mover] if foot else None,
+        raised=detour.raised,
+        pushed=detour.pushed,
+    )
+
+
+def effector_targets(
+    schedule: Schedule, swings: Sequence[SwingCurve], t: np.ndarray, free: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(T, E, 4, 4) poses and (T, E) weights of the end effectors; weight 0 where one hangs free.
+
+    Args:
+        free: (T, E, 4, 4) poses of arms that hang free. Palms on their way to or from a wall go from there to
+            their curve; without it they are left free.
+    """
+    held = schedule.contact_at(t)
+    X_WE = np.tile(np.eye(4), (*held.shape, 1, 1))
+    weight = np.where(held >= 0, HOLD, 0.0)
+    for c, contact in enumerate(schedule.contacts):
+        X_WE[held == c] = contact.X_WC
+    phase = schedule.phase_at(t)
+    for k, curve in enumerate(swings):
+        swing = schedule.phases[2 * k + 1]
+        frames = np.flatnonzero(phase == 2 * k + 1)
+        u = (t[frames] - swing.start) / (swing.end - swing.start)
+        kind = schedule.kind(k)
+        if kind == MOVE:
+            X_WE[frames, swing.mover] = curve.poses(u)
+            weight[frames, swing.mover] = _swing_weight(np.minimum(u, 1.0 - u))
+        elif free is not None:
+            to_wall = u if kind == MAKE else 1.0 - u
+            X_WE[frames, swing.mover] = _blended(free[frames, swing.mover], curve.poses(0.5 + 0.5 * to_wall), to_wall)
+            weight[frames, swing.mover] = _swing_weight(1.0 - to_wall)
+    return X_WE, weight
+
+
+def _swing_weight(from_contact: np.ndarray) -> np.ndarray:
+    """(n,) weight of an end effector this share of its swing away from a contact."""
+    return NEAR + (AIR - NEAR) * np.array([smooth_step(x / NEARBY) for x in from_contact])
+
+
+def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray) -> np.ndarray:
+    """(n, 4, 4) poses on the way from X_WA (n, 4, 4) to X_WB, which takes over as `to_wall` (n,) goes to 1."""
+    share = np.array([smooth_step((x - GUIDED[0]) / (GUIDED[1] - GUIDED[0])) for x in to_wall])
+    X = np.tile(np.eye(4), (len(share), 1, 1))
+    X[:, :3, 3] = X_WA[:, :3, 3] + share[:, None] * (X_WB[:, :3, 3] - X_WA[:, :3, 3])
+    turn = (Rotation.from_matrix(X_WB[:, :3, :3]) * Rotation.from_matrix(X_WA[:, :3, :3]).inv()).as_rotvec()
+    X[:, :3, :3] = Rotation.from_rotvec(share[:, None] * turn).as_matrix() @ X_WA[:, :3, :3]
+    return X
+
+
+def posture_reference(schedule: Schedule, key_q: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(T, nq) smooth course through the key postures (P + 1, nq), at rest at both ends, without overshoot."""
+    q = np.array(key_q)
+    for b in range(1, len(q)):
+        if q[b, :4] @ q[b - 1, :4] < 0.0:
+            q[b, :4] *= -1.0
+    boundaries = schedule.boundaries
+    slope = np.zeros_like(q)
+    before, after = np.diff(q, axis=0)[:-1], np.diff(q, axis=0)[1:]
+    dt = np.diff(boundaries)[:, None]
+    before, after = before / dt[:-1], after / dt[1:]
+    # Harmonic mean where both neighbours go the same way, rest at turning points (Fritsch & Butland 1984).
+    same = before * after > 0.0
+    slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
+    course = CubicHermiteSpline(boundaries, q, slope)(t)
+    course[:, :4] /= np.linalg.norm(course[:, :4], axis=1, keepdims=True)
+    return course
+
+
+def smooth_com(knot_t: np.ndarray, knot_com: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(T, 3) twice continuously differentiable course through the knots' CoM, at rest at both ends [m]."""
+    if len(knot_t) < 3:
+        return np.array([np.interp(t, knot_t, knot_com[:, i]) for i in range(3)]).T
+    return CubicSpline(knot_t, knot_com, bc_type="clamped")(t)
+
+
+def motion_targets(
+    tree: KinematicTree,
+    schedule: Schedule,
+    swings: Sequence[SwingCurve],
+    key_q: np.ndarray,
+    com: np.ndarray,
+    t: np.ndarray,
+) -> TrackingTargets:
+    """Targets of all frames; no distances to keep yet."""
+    X_WE, weight = effector_targets(schedule, swings, t)
+    return TrackingTargets(
+        X_WE=X_WE,
+        effector_weight=weight,
+        com=com,
+        com_weight=np.full((len(t), 3), COM),
+        q_ref=posture_reference(schedule, key_q, t),
+        posture_weight=posture_weight(len(tree.lower)),
+        lower=tree.lower + LIMIT_SLACK,
+        upper=tree.upper - LIMIT_SLACK,
+    )
