@@ -237,13 +237,13 @@ def build_step(
         add_diagonal(a, pose.turn[a], preference * options.upright_weight, program)
         add_diagonal(a, 0.0, np.sqrt(0.1 * damping), program)
         add_diagonal(3 + a, 0.0, np.sqrt(0.1 * damping), program)
-        program.lower[a], program.upper[a] = -0.5, 0.5
-        program.lower[3 + a], program.upper[3 + a] = -0.3, 0.3
+        program.lower[a], program.upper[a] = -np.inf, np.inf
+        program.lower[3 + a], program.upper[3 + a] = -np.inf, np.inf
     for j in range(nv - 6):
         add_diagonal(6 + j, model.q_nominal[7 + j] - pose.q[7 + j], preference * options.posture_weight, program)
         add_diagonal(6 + j, 0.0, np.sqrt(damping), program)
-        program.lower[6 + j] = max(tree.lower[j] - pose.q[7 + j], -0.7)
-        program.upper[6 + j] = min(tree.upper[j] - pose.q[7 + j], 0.7)
+        program.lower[6 + j] = tree.lower[j] - pose.q[7 + j]
+        program.upper[6 + j] = tree.upper[j] - pose.q[7 + j]
     return nv + num_rows
 
 

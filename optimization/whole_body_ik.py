@@ -42,6 +42,7 @@ __all__ = ["IkAnswer", "IkOptions", "Shortfall", "StanceTask", "WholeBodyIK", "W
 
 # What is only preferred counts for less from step to step, or it would hold back a leg that is almost straight.
 _FADE, _FAINTEST = 0.6, 0.05
+_TRUSTED_TURN, _TRUSTED_MOVE, _TRUSTED_JOINT = 0.6, 0.4, 0.8  # [rad, m, rad] greatest change in one step
 
 
 @njit(cache=True)
@@ -54,6 +55,17 @@ def _copy(source: np.ndarray, target: np.ndarray) -> None:
 def _keep_limits(tree: KinematicTree, q: np.ndarray) -> None:
     for j in range(tree.lower.shape[0]):
         q[7 + j] = min(max(q[7 + j], tree.lower[j]), tree.upper[j])
+
+
+@njit(cache=True)
+def _step_length(v: np.ndarray, num_velocities: int) -> float:
+    """The part of a step v that the linearisation is trusted for, at most 1."""
+    length = 1.0
+    for i in range(num_velocities):
+        largest = _TRUSTED_TURN if i < 3 else (_TRUSTED_MOVE if i < 6 else _TRUSTED_JOINT)
+        if abs(v[i]) * length > largest:
+            length = largest / abs(v[i])
+    return length
 
 
 @njit(cache=True)
@@ -73,7 +85,7 @@ def _descend(model: WholeBodyModel, task: StanceTask, options: IkOptions, q: np.
         iterations += 1
         m = build_step(model, task, options, pose, close, damping, preference, J_com, program)
         solve_box_qp(program.H, program.g, program.lower, program.upper, m, program.side, program.x, 40)
-        integrate(pose.q, program.x, 1.0, trial.q)
+        integrate(pose.q, program.x, _step_length(program.x, nv), trial.q)
         _keep_limits(tree, trial.q)
         short_trial, close_trial = measure(model, task, options, R_upright, trial)
         gain = shortfall.unmet - short_trial.unmet + preference**2 * (shortfall.strain - short_trial.strain)
@@ -82,7 +94,10 @@ def _descend(model: WholeBodyModel, task: StanceTask, options: IkOptions, q: np.
             slow += 1
             continue
         slow = slow + 1 if short_trial.unmet > 0.9 * shortfall.unmet else 0
-        damping = max(0.2 * damping, 1e-6)
+        if short_trial.unmet < 0.3 * shortfall.unmet:
+            damping = max(0.2 * damping, 1e-6)
+        elif short_trial.unmet > 0.7 * shortfall.unmet:
+            damping *= 4.0
         preference = max(_FADE * preference, _FAINTEST)
         pose, trial = trial, pose
         shortfall, close = short_trial, close_trial
