@@ -125,11 +125,7 @@ class PostureSolver:
             ValueError: data that is not finite or of the wrong shape.
         """
         X_WE, com_region, q_guess = _checked(self.robot_plant, X_WE, com_region, q_guess)
-        held = self._filtered(X_WE)
-        ik = InverseKinematics(self.robot_plant.plant, held.plant_context)
-        self._add_contacts(ik, X_WE)
-        self._add_balance(ik, com_region)
-        ik.prog().AddConstraint(held.clearance, ik.q())
+        ik = self.program(X_WE, com_region)
         self._add_nearness(ik, q_guess)
         result = SnoptSolver().Solve(ik.prog(), q_guess, self._solver_options())
         q = result.GetSolution(ik.q())
@@ -138,6 +134,15 @@ class PostureSolver:
         q[:4] /= max(np.linalg.norm(q[:4]), 1e-12)
         violations = self.violations(q, X_WE, com_region)
         return PostureAnswer(not violations, q, violations)
+
+    def program(self, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None) -> InverseKinematics:
+        """All constraints and no cost, for callers who want another cost than nearness; valid until the next call."""
+        held = self._filtered(X_WE)
+        ik = InverseKinematics(self.robot_plant.plant, held.plant_context)
+        self._add_contacts(ik, X_WE)
+        self._add_balance(ik, com_region)
+        ik.prog().AddConstraint(held.clearance, ik.q())
+        return ik
 
     def violations(
         self, q: np.ndarray, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None
