@@ -18,7 +18,8 @@ from scenes.robot import Robot
 
 Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 MAX_CORNERS = 48  # of a balance polygon
-BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon
+BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,
+MARGIN_SHARE = 0.4  # or, in narrow ones, this share of the way from the edge to the centroid
 
 
 class TransitionCheck:
@@ -27,7 +28,7 @@ class TransitionCheck:
     def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, cone: str) -> None:
         self.pool, self.robot, self.cone, self.ik = pool, robot, cone, ik
         self._cone_index = cone_index(cone)
-        self._ik_options = IkOptions(com_margin=BALANCE_MARGIN, restarts=0)
+        self._ik_options = IkOptions(restarts=0)
         self._half = np.array([e.half_extent for e in robot.effectors])
         self._limit = np.array(robot.force_limit, float)
         self._generators: dict[float, np.ndarray] = {}
@@ -91,9 +92,10 @@ class TransitionCheck:
             if n >= 0:
                 X_WE[e, :3, :3], X_WE[e, :3, 3] = self.pool.R[n], self.pool.p[n]
         self.num_ik += 1
-        answer = self.ik.solve(X_WE, active, region, seed, options=self._ik_options)
+        options = self._ik_options._replace(com_margin=_margin(region))
+        answer = self.ik.solve(X_WE, active, region, seed, options=options)
         if not answer.ok and seed is not None:
-            answer = self.ik.solve(X_WE, active, region, None, options=self._ik_options)
+            answer = self.ik.solve(X_WE, active, region, None, options=options)
         if answer.ok:
             return "", answer.q
         return ("reach" if answer.contact_error > answer.com_violation else "balance"), answer.q
@@ -114,3 +116,12 @@ class TransitionCheck:
         if mu not in self._generators:
             self._generators[mu] = cone_generators(self.cone, mu)
         return self._generators[mu]
+
+
+def _margin(region: np.ndarray) -> float:
+    """Distance [m] that the centre of mass keeps from the edges of a counter-clockwise polygon (V, 2)."""
+    edge = np.roll(region, -1, axis=0) - region
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    to_centroid = region.mean(axis=0) - region
+    inside = (edge[:, 0] * to_centroid[:, 1] - edge[:, 1] * to_centroid[:, 0])[length > 1e-9] / length[length > 1e-9]
+    return float(np.clip(MARGIN_SHARE * inside.min(), 0.0, BALANCE_MARGIN))
