@@ -23,7 +23,7 @@ WALL_DISTANCE, PALM_HEIGHT = 0.75, (1.1, 1.6)  # [m]
 
 
 def named(seed: int = 0) -> Scene:
-    """2 to 4 m of randomly tilted quadrilaterals that cover and cut each other, walls at both sides (Lin 2020 4.6.1)."""
+    """2 to 4 m of tilted quadrilaterals that cover and cut each other, between two such walls (Lin 2020 sec. 4.6.1)."""
     rng = np.random.default_rng(seed)
     length = float(rng.uniform(*LENGTH))
     far_edge = NEAR_EDGE + length
@@ -48,7 +48,7 @@ def _quadrilateral(rng: np.random.Generator) -> np.ndarray:
 
 def _ground(rng: np.random.Generator, length: float) -> list[Surface]:
     """Quadrilaterals whose centres are spread evenly over the rubble, turned to any yaw."""
-    count = int(round(GROUND_DENSITY * 2 * HALF_WIDTH * length))
+    count = round(GROUND_DENSITY * 2 * HALF_WIDTH * length)
     quads = []
     for i in range(count):
         # One stratum of the length each, so that no seed leaves a hole by clustering.
@@ -61,7 +61,7 @@ def _ground(rng: np.random.Generator, length: float) -> list[Surface]:
 
 def _wall(rng: np.random.Generator, side: str, sign: float, length: float) -> list[Surface]:
     """Quadrilaterals turned to the rubble, at heights that palms reach."""
-    count = int(round(WALL_DENSITY * length))
+    count = round(WALL_DENSITY * length)
     panels = []
     for i in range(count):
         x = NEAR_EDGE + length * (i + rng.uniform()) / count

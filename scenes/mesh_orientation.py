@@ -1,0 +1,125 @@
+"""Faces turned outward: inside-out bodies, faces that disagree with their neighbours, ground sheets drawn face down."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+WELD = 5  # decimals of a metre to which corners are the same corner
+
+
+class Bodies:
+    """Which triangles hang together at their corners, and the box around each such body.
+
+    Attributes:
+        corner: (K, 3) number of each triangle's corners; equal where they coincide.
+        body: (K,) number of each triangle's body.
+        count: how many bodies there are.
+        low, high: (count, 3) box around each [m].
+    """
+
+    def __init__(self, triangles: np.ndarray) -> None:
+        corners = np.round(triangles.reshape(-1, 3), WELD) + 0.0
+        _, numbers = np.unique(corners, axis=0, return_inverse=True)
+        self.corner = numbers.reshape(-1, 3)
+        faces = len(triangles)
+        size = faces + int(numbers.max()) + 1
+        face = np.repeat(np.arange(faces), 3)
+        links = coo_matrix((np.ones(3 * faces), (face, faces + numbers.ravel())), shape=(size, size))
+        _, labels = connected_components(links, directed=False)
+        _, self.body = np.unique(labels[:faces], return_inverse=True)
+        self.count = int(self.body.max()) + 1
+        order = np.argsort(self.body, kind="stable")
+        starts = np.searchsorted(self.body[order], np.arange(self.count))
+        self.low = np.minimum.reduceat(triangles.min(axis=1)[order], starts)
+        self.high = np.maximum.reduceat(triangles.max(axis=1)[order], starts)
+
+    def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """(K,) bool, the triangles of the bodies whose boxes meet the box from low to high (3,) [m]."""
+        return ((self.low <= high) & (self.high >= low)).all(axis=1)[self.body]
+
+    def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(3 K,) edge number of each side of each triangle; then per edge its faces and how often forward less back."""
+        ends = np.stack([self.corner, np.roll(self.corner, -1, axis=1)], axis=2).reshape(-1, 2)
+        _, edge, faces = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+        edge = edge.ravel()
+        return edge, faces, np.bincount(edge, weights=np.where(ends[:, 0] < ends[:, 1], 1, -1))
+
+    def without(self, edge: np.ndarray, bad: np.ndarray) -> np.ndarray:
+        """(count,) bool, the bodies none of whose edges is marked in `bad`."""
+        clean = np.ones(self.count, bool)
+        clean[np.repeat(self.body, 3)[bad[edge]]] = False
+        return clean
+
+    def closed(self) -> np.ndarray:
+        """(count,) bool, bodies of which every edge is walked as often one way as the other."""
+        edge, _, forward = self.edges()
+        return self.without(edge, forward != 0)
+
+
+def turn_outward(triangles: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """(K, 3, 3) the triangles wound counter-clockwise from outside as far as the data tells, and what was turned.
+
+    A body whose neighbouring faces disagree is made consistent. A closed body of negative volume is inside out, unless
+    its box lies in another's (a cavity) or holds another's (a room). Open sheets stay as they were drawn, unless
+    nothing in the mesh faces up at all: then the sheets that face down are the ground.
+    """
+    notes = []
+    consistent = _agree(triangles)
+    turned = int((np.abs(consistent - triangles).max(axis=(1, 2)) > 1e-9).sum())
+    if turned:
+        notes.append(f"{turned} faces disagreed with their neighbours and were turned")
+        triangles = consistent
+    bodies = Bodies(triangles)
+    inside_out = bodies.closed() & (_volumes(triangles, bodies) < -1e-12)
+    for k in np.flatnonzero(inside_out):
+        holds = (bodies.low >= bodies.low[k] - 1e-9).all(axis=1) & (bodies.high <= bodies.high[k] + 1e-9).all(axis=1)
+        held = (bodies.low <= bodies.low[k] + 1e-9).all(axis=1) & (bodies.high >= bodies.high[k] - 1e-9).all(axis=1)
+        inside_out[k] = holds.sum() == 1 and held.sum() == 1
+    if inside_out.any():
+        triangles = np.where(inside_out[bodies.body][:, None, None], triangles[:, ::-1], triangles)
+        notes.append(f"{int(inside_out.sum())} closed bodies were inside out and were turned")
+    up = _doubled(triangles)[:, 2]
+    down = (np.bincount(bodies.body, weights=up > 1e-12) == 0) & (np.bincount(bodies.body, weights=up < -1e-12) > 0)
+    if down.any() and not (up > 1e-12).any():
+        triangles = np.where(down[bodies.body][:, None, None], triangles[:, ::-1], triangles)
+        notes.append(f"{int(down.sum())} sheets faced down with nothing facing up and were turned")
+    return triangles, tuple(notes)
+
+
+def _volumes(triangles: np.ndarray, bodies: Bodies) -> np.ndarray:
+    """(count,) signed volume of each body [m^3]; it says something only where the body is closed."""
+    centred = triangles - bodies.low[bodies.body][:, None]
+    parts = np.einsum("ki,ki->k", centred[:, 0], np.cross(centred[:, 1], centred[:, 2])) / 6
+    return np.bincount(bodies.body, weights=parts)
+
+
+def _agree(triangles: np.ndarray) -> np.ndarray:
+    """The same triangles, those turned that walk an edge of two faces the same way as their neighbour.
+
+    It is done only in bodies that it closes, or in sheets without branches, where most of the area stays as it was.
+    """
+    bodies = Bodies(triangles)
+    edge, faces, forward = bodies.edges()
+    if not ((faces == 2) & (forward != 0)).any():
+        return triangles
+    import trimesh
+
+    corners = np.zeros((int(bodies.corner.max()) + 1, 3))
+    corners[bodies.corner.ravel()] = triangles.reshape(-1, 3)
+    mesh = trimesh.Trimesh(corners, bodies.corner, process=False)
+    trimesh.repair.fix_winding(mesh)
+    agreed = np.asarray(mesh.triangles)
+    turned = (_doubled(agreed) * _doubled(triangles)).sum(axis=1) < 0
+    area = np.linalg.norm(_doubled(triangles), axis=1)
+    mostly = np.bincount(bodies.body, weights=area * turned) > 0.5 * np.bincount(bodies.body, weights=area)
+    turned ^= mostly[bodies.body]
+    agreed = np.where(turned[:, None, None], triangles[:, ::-1], triangles)
+    trusted = Bodies(agreed).closed() | bodies.without(edge, faces > 2)
+    return np.where(trusted[bodies.body][:, None, None], agreed, triangles)
+
+
+def _doubled(triangles: np.ndarray) -> np.ndarray:
+    """(K, 3) normals of twice the triangles' areas [m^2]."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -1,0 +1,149 @@
+"""Triangles merged into the largest flat regions, less the parts that lie inside a solid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from scenes.mesh_orientation import Bodies
+
+OFF_PLANE = 1e-3  # [m] corners of one region lie this near its plane
+OFF_NORMAL = np.cos(np.deg2rad(1.0))  # normals of one region lie within a degree
+GRID = 1e-5  # [m] corners are snapped to this, so that what should touch touches
+CRACK = 2e-4  # [m] gaps between faces up to this width are closed
+BURIED = 1.5e-3  # [m] height over a region at which what is solid hides it; more than OFF_PLANE
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A connected flat region, with holes where it has them.
+
+    Attributes:
+        outline: in the region's own axes [m].
+        origin: (3,) where those axes start [m].
+        axes: (3, 3) rows: the two axes of the plane and the outward normal.
+    """
+
+    outline: Polygon
+    origin: np.ndarray
+    axes: np.ndarray
+
+    def lift(self, corners: np.ndarray) -> np.ndarray:
+        """(K, 3) points of W from (K, 2) points of the region's own axes [m]."""
+        return self.origin + corners @ self.axes[:2]
+
+
+def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) -> Iterator[Region]:
+    """The flat regions of a mesh that are wide enough and do not face down too much, their buried parts cut away.
+
+    Faces belong together when they lie in one plane (`OFF_PLANE`, `OFF_NORMAL`) and touch; that they share no edge in
+    the file, overlap, or come from two blocks side by side makes no difference.
+
+    Args:
+        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        min_width: regions in which no disc of this diameter fits are left out [m].
+        max_tilt: regions whose normal is farther from the vertical are left out [rad].
+    """
+    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    area = np.linalg.norm(doubled, axis=1) / 2
+    normals = doubled / (2 * area[:, None])
+    wanted = normals[:, 2] >= np.cos(max_tilt) - 1e-9
+    least = np.pi / 4 * min_width**2
+    bodies = Bodies(triangles)
+    for members, seed in _coplanar_groups(triangles, normals, area, wanted):
+        if area[members].sum() < least:
+            continue
+        origin, axes = triangles[seed, 0], _plane_axes(normals[seed])
+        flat = (triangles[members] - origin) @ axes[:2].T
+        outline = _merged(flat)
+        if outline.buffer(-min_width / 2).is_empty:
+            continue
+        # A closed body does not wind round a point outside its box: a section needs only the bodies near it.
+        low, high = triangles[members].min(axis=(0, 1)), triangles[members].max(axis=(0, 1))
+        near = bodies.near(low - 2 * BURIED, high + 2 * BURIED)
+        outline = outline.difference(_buried(outline, triangles[near], normals[near], origin, axes))
+        for part in shapely.get_parts(outline):
+            if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
+                yield Region(part, origin, axes)
+
+
+def _coplanar_groups(
+    triangles: np.ndarray, normals: np.ndarray, area: np.ndarray, wanted: np.ndarray
+) -> Iterator[tuple[np.ndarray, int]]:
+    """(indices, seed) of the triangles in the plane of each seed, the largest triangle not yet taken."""
+    left = np.flatnonzero(wanted)
+    left = left[np.argsort(-area[left], kind="stable")]
+    while len(left):
+        seed = left[0]
+        same = np.flatnonzero(normals[left] @ normals[seed] >= OFF_NORMAL)
+        off = np.abs((triangles[left[same]] - triangles[seed, 0]) @ normals[seed]).max(axis=1)
+        taken = same[off <= OFF_PLANE]
+        yield left[taken], int(seed)
+        left = np.delete(left, taken)
+
+
+def _plane_axes(normal: np.ndarray) -> np.ndarray:
+    """(3, 3) rows: two axes of the plane, the first one level, and its normal."""
+    level = np.array([-normal[1], normal[0], 0.0])
+    if np.linalg.norm(level) < 1e-6:
+        level = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
+    level /= np.linalg.norm(level)
+    return np.stack([level, np.cross(normal, level), normal])
+
+
+def _merged(flat: np.ndarray) -> shapely.Geometry:
+    """The union of (K, 3, 2) triangles, cracks closed."""
+    union = shapely.union_all(shapely.polygons(flat), grid_size=GRID)
+    return union.buffer(CRACK, join_style="mitre").buffer(-CRACK, join_style="mitre")
+
+
+def _buried(
+    outline: shapely.Geometry, triangles: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
+) -> shapely.Geometry:
+    """The part of a region that has solid on top, found in a section parallel to it and `BURIED` above.
+
+    The section's cells are solid where the faces around them wind once or more: faces that are doubled, interpenetrate
+    or belong to no closed body do not disturb that. A sole set down there would stand inside a block.
+    """
+    height = (triangles - origin) @ axes[2] - BURIED
+    crossing = (height.min(axis=1) < 0) & (height.max(axis=1) >= 0)
+    segments = _section(triangles[crossing], height[crossing], normals[crossing], origin, axes)
+    if len(segments) == 0:
+        return Polygon()
+    lines = shapely.set_precision(shapely.linestrings(segments), GRID)
+    noded = shapely.union_all(lines[~shapely.is_empty(lines)], grid_size=GRID)
+    cells = shapely.get_parts(shapely.polygonize([noded]))
+    cells = cells[shapely.intersects(cells, outline)]
+    if len(cells) == 0:
+        return Polygon()
+    inside = shapely.get_coordinates(shapely.point_on_surface(cells))
+    solid = np.array([_winding(point, segments) > 0.5 for point in inside])
+    return shapely.union_all(cells[solid], grid_size=GRID)
+
+
+def _section(
+    triangles: np.ndarray, height: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
+) -> np.ndarray:
+    """(S, 2, 2) segments in which triangles cut the plane of height zero, the solid on their left [m]."""
+    rolled, rolled_height = np.roll(triangles, -1, axis=1), np.roll(height, -1, axis=1)
+    cuts = (height < 0) != (rolled_height < 0)
+    # Every triangle here has corners on both sides, so exactly two of its edges are cut.
+    share = (height / np.where(cuts, height - rolled_height, 1.0))[cuts].reshape(-1, 2, 1)
+    ends = triangles[cuts].reshape(-1, 2, 3) + share * (rolled[cuts] - triangles[cuts]).reshape(-1, 2, 3)
+    segments = (ends - origin) @ axes[:2].T
+    along = segments[:, 1] - segments[:, 0]
+    outward = normals @ axes[:2].T
+    wrong = outward[:, 0] * along[:, 1] - outward[:, 1] * along[:, 0] < 0
+    segments[wrong] = segments[wrong, ::-1]
+    return segments
+
+
+def _winding(point: np.ndarray, segments: np.ndarray) -> float:
+    """How often (S, 2, 2) segments wind round a point counter-clockwise; a fraction where they do not close."""
+    a, b = segments[:, 0] - point, segments[:, 1] - point
+    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return float(np.arctan2(cross, (a * b).sum(axis=1)).sum() / (2 * np.pi))
