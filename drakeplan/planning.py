@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
-from drakeplan.motion import MotionOptions, MotionResult, make_motion
+from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
 from drakeplan.plan import Plan, PlanCentroidal, PlanMotion, PlanPhases, tabulate_stances
 from drakeplan.plan_file import write_plan
 from drakeplan.progress import Progress, ProgressEvent
@@ -187,7 +187,7 @@ class _Query:
         self.scene, self.robot, self.options = scene, robot, options
         self.planner, self.record, self.tell = planner, record, tell
         self.clock = _Clock()
-        self.motion_options = MotionOptions(cone=options.cone)
+        self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone))
 
     def run(self) -> PlanResult:
         last: tuple[str, ContactPlan | None] = ("", None)
@@ -228,7 +228,7 @@ class _Query:
         for plan in self.planner.plans(limits, self.clock):
             found.append(plan)
             if self.record.time_to_first_s is None:
-                self.record.time_to_first_s = self.record.planning_s + self.clock() - began + self.planner.setup_s
+                self.record.time_to_first_s = plan.elapsed
             self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self.clock() - began))
         self.record.planning_s += self.clock() - began
         search = self.planner.search
@@ -246,9 +246,7 @@ class _Query:
 
     def _move(self, best: ContactPlan) -> MotionResult:
         self.tell(ProgressEvent("dynamics", f"{len(best.stances)} stances", best.cost, best.bound))
-        motion = make_motion(
-            self.robot, self.scene.terrain, best.stances, self.motion_options, progress=self.tell
-        )
+        motion = self.motion.run(best.stances, self.tell)
         self.record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
         self.record.motion_s += motion.timings.get("motion_s", 0.0)
         if motion.centroidal is not None and self.record.time_to_first_feasible_s is None:
