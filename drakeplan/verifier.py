@@ -10,9 +10,12 @@ Every check names its worst value, its limit and the place. The plan holds when 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import itertools
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +29,8 @@ import yaml
 from pydrake.geometry import Box, Convex, Role
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 # ---- what is demanded
@@ -53,7 +57,7 @@ BALANCE = 1e-4  # [M g, M g m] of gravity from what the first and last contacts 
 
 HELD_POSITION, HELD_ANGLE = 5e-3, np.deg2rad(1.0)  # [m, rad] of an end effector that holds a contact
 JOINT_LIMIT, SPEED_LIMIT = 1e-4, 1e-3  # [rad, rad/s] past a joint's limits
-VELOCITY = 0.1  # [rad/s, m/s] velocities against differences of the positions, over one frame
+VELOCITY = 0.2  # [rad/s, m/s] velocities against differences of the positions, over one frame
 QUATERNION = 1e-6  # norm off one
 COM = 0.02  # [m] the model's CoM off the plan's
 PENETRATION, SOLE_PENETRATION = 5e-3, 0.01  # [m]
@@ -112,7 +116,7 @@ CONES = {
 # ---- the report
 
 
-class UnreadablePlan(ValueError):
+class UnreadablePlan(ValueError):  # noqa: N818: it names what the plan is
     """The file cannot be judged at all; the text is one line that says why."""
 
     def __init__(self, message: str) -> None:
@@ -177,6 +181,9 @@ class Report:
         ]
         verdict = "the plan holds" if self.holds else f"the plan does not hold: {', '.join(self.failed)}"
         return "\n".join([*lines, *([self.remark] if self.remark else []), verdict])
+
+    def __str__(self) -> str:
+        return self.table()
 
     def as_dict(self) -> dict[str, object]:
         """The same as plain data for JSON; numbers that are not finite become null."""
@@ -458,14 +465,16 @@ class _Scene:
 def _read_scene(text: str) -> _Scene:
     if len(text) > MAX_YAML:
         raise UnreadablePlan(f"scene/yaml: longer than {MAX_YAML} characters")
+    # The parser recurses in C: what is nested absurdly deep would take the interpreter with it.
+    letters = np.frombuffer(text.encode(), np.uint8)
+    depth = np.cumsum(np.isin(letters, [*b"[{"]).astype(int) - np.isin(letters, [*b"]}"]))
+    if depth.max(initial=0) > 50 or re.search(r"^[ ?:-]{200}", text, re.MULTILINE):
+        raise UnreadablePlan("scene/yaml: nested too deep for a scene")
     try:
         scene = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         friction = float(scene.get("friction", 0.5))
         plates = tuple(_read_plate(entry, k, friction) for k, entry in enumerate(scene.get("surfaces") or ()))
-        boxes = tuple(
-            (_pose(entry.get("pose") or {}), np.array(entry["box"], dtype=float).reshape(3))
-            for entry in scene.get("obstacles") or ()
-        )
+        boxes = tuple((_pose(entry.get("pose") or {}), _triple(entry["box"])) for entry in scene.get("obstacles") or ())
         start, goal = scene.get("start") or {}, scene.get("goal") or {}
         if not isinstance(start, dict) or not isinstance(goal, dict):
             raise TypeError("start and goal must be mappings")
@@ -475,11 +484,13 @@ def _read_scene(text: str) -> _Scene:
 
 
 def _read_plate(entry: dict, index: int, friction: float) -> _Plate:
-    vertices = np.array(entry["vertices"], dtype=float).reshape(-1, 3)
+    vertices = np.array([_triple(row) for row in entry["vertices"]])
     doubled = np.cross(vertices - vertices[0], np.roll(vertices, -1, axis=0) - vertices[0]).sum(axis=0)
+    if not np.linalg.norm(doubled) > 1e-9:
+        raise ValueError(f"surface {index} encloses no area")
     normal = doubled / np.linalg.norm(doubled)  # Newell's method
     given = entry.get("normal")
-    if given is not None and np.dot(given, normal) < 0:
+    if given is not None and _triple(given) @ normal < 0:
         vertices, normal = vertices[::-1], -normal
     tilt = np.arccos(np.clip(normal[2], -1.0, 1.0))
     feet, palms = tilt <= FOOT_MAX_TILT + 1e-9, PALM_TILT[0] - 1e-9 <= tilt <= PALM_TILT[1] + 1e-9
@@ -494,7 +505,15 @@ def _read_plate(entry: dict, index: int, friction: float) -> _Plate:
 def _pose(entry: dict) -> np.ndarray:
     """(4, 4) from xyz [m] and rpy [rad] as Drake's RollPitchYaw."""
     rpy, xyz = entry.get("rpy") or (0.0, 0.0, 0.0), entry.get("xyz") or (0.0, 0.0, 0.0)
-    return RigidTransform(RollPitchYaw(np.array(rpy, dtype=float)), np.array(xyz, dtype=float)).GetAsMatrix4()
+    return RigidTransform(RollPitchYaw(_triple(rpy)), _triple(xyz)).GetAsMatrix4()
+
+
+def _triple(entry: Sequence) -> np.ndarray:
+    """(3,) finite numbers. One by one, so that nested lists cannot become an array of any size."""
+    x, y, z = (float(number) for number in entry)
+    if not math.isfinite(x + y + z):
+        raise ValueError("expected finite numbers")
+    return np.array([x, y, z])
 
 
 # ---- contacts
@@ -634,7 +653,7 @@ def _check_phases(sheet: _Sheet, plan: _PlanFile) -> None:
     # From one stance to the next the contacts that both hold stay; the moving one carries nothing in between.
     stances = plan["stances/contact"]
     expected = [stances[0]]
-    for before, after in zip(stances[:-1], stances[1:], strict=True):
+    for before, after in itertools.pairwise(stances):
         expected += [np.where(before == after, before, -1), after]
     wanted, _ = _merged(expected)
     got, first = _merged(list(contact))
@@ -716,7 +735,7 @@ def wrench_distance(
     turn = torque_n / inertia
     tangential = f_C[:, None, :2] + turn[:, None, None] * np.stack([-arms[..., 1], arms[..., 0]], axis=2)
     used = weights > 1e-9
-    load = np.maximum(f_C[:, 2], 1e-300)
+    load = np.maximum(f_C[:, 2], 1e-12)
     needed = np.where(used, cone.gauge(tangential / load[:, None, None]), 0.0).max(axis=1)
     simple = (weights.min(axis=1) >= 0) & (f_C[:, 2] > 0) & (needed <= friction * (1 + 1e-9))
     simple |= (np.abs(f_C).max(axis=1) < 1e-10) & (np.abs(torque_n) < 1e-10)
@@ -838,20 +857,19 @@ class _RobotModel:
         self.scene_context = self.scene_graph.GetMyContextFromRoot(self.context)
         self.mass = self.plant.CalcTotalMass(self.plant_context)
 
-    @property
-    def bodies(self) -> dict[int, float]:
-        """Index of every body that can collide -> radius about its origin that holds its collision shapes [m]."""
-        inspector, radii = self.scene_graph.model_inspector(), {}
-        for geometry in inspector.GetAllGeometryIds(Role.kProximity):
-            body = self.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
-            if body.index() == self.plant.world_body().index():
-                continue
-            obb = inspector.GetObbInGeometryFrame(geometry)
-            reach = np.inf if obb is None else np.linalg.norm(obb.half_width())
-            if obb is not None:
-                reach += np.linalg.norm((inspector.GetPoseInFrame(geometry) @ obb.pose()).translation())
-            radii[int(body.index())] = max(reach, radii.get(int(body.index()), 0.0))
-        return radii
+    def colliding_bodies(self) -> tuple[list[RigidBody], np.ndarray]:
+        """The bodies that have collision shapes, and (B,) radii about their origins that hold the shapes [m]."""
+        inspector, bodies, radii = self.scene_graph.model_inspector(), [], []
+        for index in self.plant.GetBodyIndices(self.frames[0].model_instance()):
+            body, reach = self.plant.get_body(index), 0.0
+            for geometry in self.plant.GetCollisionGeometriesForBody(body):
+                obb = inspector.GetObbInGeometryFrame(geometry)
+                centre = (inspector.GetPoseInFrame(geometry) @ obb.pose()).translation() if obb else np.zeros(3)
+                reach = max(reach, np.linalg.norm(centre) + np.linalg.norm(obb.half_width()) if obb else np.inf)
+            if reach:
+                bodies.append(body)
+                radii.append(reach)
+        return bodies, np.array(radii)
 
     @property
     def carriers(self) -> frozenset[int]:
@@ -912,12 +930,12 @@ def _check_motion(sheet: _Sheet, plan: _PlanFile, robot: _RobotModel, scene: _Sc
     sheet.add("posture at rest", np.abs(v[[0, -1]]), AT_REST, "rad/s", lambda i: f"{_end(i[0])}, {names[1][i[1]]}")
     if not unit:
         return
-    bodies = robot.bodies
-    track = _follow(robot, q, list(bodies))
+    bodies, radii = robot.colliding_bodies()
+    track = _follow(robot, q, bodies)
     _check_held(sheet, plan, track)
     planned = np.stack([np.interp(t, plan["centroidal/t"], plan["centroidal/com"][:, k]) for k in range(3)], axis=1)
     sheet.add("com of model", np.linalg.norm(track.com - planned, axis=1), COM, "m", at)
-    _check_collisions(sheet, plan, robot, scene, track)
+    _check_collisions(sheet, plan, robot, scene, track.origins, radii)
 
 
 def _difference(t: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -934,20 +952,14 @@ def _difference(t: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.hstack([turn, np.diff(q[:, 4:], axis=0)]) / dt
 
 
-def _follow(robot: _RobotModel, q: np.ndarray, bodies: Sequence[int]) -> _Track:
+def _follow(robot: _RobotModel, q: np.ndarray, bodies: Sequence[RigidBody]) -> _Track:
     plant, context = robot.plant, robot.plant_context
-    tracked = [plant.get_body(index) for index in plant.GetBodyIndices(robot.frames[0].model_instance())]
-    tracked = [body for body in tracked if int(body.index()) in set(bodies)]
-    tracked.sort(key=lambda body: list(bodies).index(int(body.index())))
-    X_WE, com = np.empty((len(q), 4, 4, 4)), np.empty((len(q), 3))
-    origins = np.empty((len(q), len(bodies), 3))
+    X_WE, com, origins = np.empty((len(q), 4, 4, 4)), np.empty((len(q), 3)), np.empty((len(q), len(bodies), 3))
     for k, row in enumerate(q):
         plant.SetPositions(context, row)
-        for e, frame in enumerate(robot.frames):
-            X_WE[k, e] = frame.CalcPoseInWorld(context).GetAsMatrix4()
+        X_WE[k] = [frame.CalcPoseInWorld(context).GetAsMatrix4() for frame in robot.frames]
         com[k] = plant.CalcCenterOfMassPositionInWorld(context)
-        for b, body in enumerate(tracked):
-            origins[k, b] = plant.EvalBodyPoseInWorld(context, body).translation()
+        origins[k] = [plant.EvalBodyPoseInWorld(context, body).translation() for body in bodies]
     return _Track(X_WE, com, origins)
 
 
@@ -995,17 +1007,20 @@ class _Piece:
     high: np.ndarray
 
 
-def _check_collisions(sheet: _Sheet, plan: _PlanFile, robot: _RobotModel, scene: _Scene, track: _Track) -> None:
+def _check_collisions(
+    sheet: _Sheet, plan: _PlanFile, robot: _RobotModel, scene: _Scene, origins: np.ndarray, radii: np.ndarray
+) -> None:
     pieces = [*_plates(plan, scene), *_triangles(plan["scene/triangles"]), *_boxes(scene)]
-    worst = dict.fromkeys(("self collision", "terrain collision", "sole and palm collision"), (0.0, "nowhere"))
-    radii = np.array(list(robot.bodies.values()))
-    if not len(radii):
-        worst = dict.fromkeys(worst, (np.nan, "the model has no collision shapes"))
-    for frames, near in _groups(track.origins, radii, pieces) if len(radii) else ():
+    limits = {
+        "self collision": PENETRATION,
+        "terrain collision": PENETRATION,
+        "sole and palm collision": SOLE_PENETRATION,
+    }
+    worst = dict.fromkeys(limits, (0.0, "nowhere") if len(radii) else (np.nan, "the model has no collision shapes"))
+    for frames, near in _groups(origins, radii, pieces) if len(radii) else ():
         _penetrate(plan, robot.model, [pieces[k] for k in near], frames, worst)
-    limits = (PENETRATION, PENETRATION, SOLE_PENETRATION)
-    for (name, (depth, where)), limit in zip(worst.items(), limits, strict=True):
-        sheet.add(name, depth, limit, "m", where)
+    for name, (depth, where) in worst.items():
+        sheet.add(name, depth, limits[name], "m", where)
 
 
 def _plates(plan: _PlanFile, scene: _Scene) -> Iterator[_Piece]:
@@ -1020,7 +1035,7 @@ def _plates(plan: _PlanFile, scene: _Scene) -> Iterator[_Piece]:
 def _triangles(triangles: np.ndarray) -> Iterator[_Piece]:
     """A frustum behind each triangle: Drake would take a whole mesh for its convex hull.
 
-    Its sides lean inwards at 45 deg at most as deep as the incircle allows, so it leaves no ridge that is 45 deg or blunter.
+    Its sides lean inwards, so that no frustum pokes out of the next face where the ridge is blunter than 45 deg.
     """
     for triangle, normal, (centre, radius) in zip(*_solid(triangles), strict=True):
         depth = min(TRIANGLE_DEPTH, 0.9 * radius)
@@ -1098,8 +1113,8 @@ def _penetrate(
 ) -> None:
     """Deepens `worst` by what overlaps in these frames.
 
-    Point-pair penetration finds all overlaps at once, but bounds their depth from above only: a sole 3 mm deep in a small
-    triangle may come out as 17 mm. Depths that would matter are asked again as signed distances.
+    Point-pair penetration finds all overlaps at once, but bounds their depth from above only: a sole 3 mm deep in a
+    small triangle may come out as 17 mm. Depths that would matter are asked again as signed distances.
     """
     world = _RobotModel(model, pieces)
     inspector = world.scene_graph.model_inspector()
@@ -1121,10 +1136,8 @@ def _penetrate(
             depth = pair.depth
             if depth <= worst[kind][0]:
                 continue
-            try:
+            with contextlib.suppress(RuntimeError):  # the bound from above stands
                 depth = min(depth, -query.ComputeSignedDistancePairClosestPoints(pair.id_A, pair.id_B).distance)
-            except RuntimeError:
-                pass  # the bound from above stands
             if depth > worst[kind][0]:
                 worst[kind] = (depth, f"frame {k}, t = {t[k]:.3f} s, {label_a} in {label_b}")
 
@@ -1138,11 +1151,11 @@ def _check_ends(sheet: _Sheet, plan: _PlanFile, scene: _Scene) -> None:
         if scene.start.get("stance"):
             _check_start_stance(sheet, plan, scene, scene.start["stance"])
         else:
-            xyz, yaw = np.array(scene.start["xyz"], dtype=float), float(scene.start.get("yaw") or 0.0)
+            xyz, yaw = _triple(scene.start["xyz"]), float(scene.start.get("yaw") or 0.0)
             mean, heading = _feet(plan, stances[0])
             sheet.add("start", np.linalg.norm(mean[:2] - xyz[:2]), START_DISTANCE, "m", _spot(mean))
             sheet.add("start heading", abs(_wrap(heading - yaw)), START_YAW, "rad", f"heading {heading:.3f}")
-        xyz, radius = np.array(scene.goal["xyz"], dtype=float), float(scene.goal.get("radius", 0.2))
+        xyz, radius = _triple(scene.goal["xyz"]), float(scene.goal.get("radius", 0.2))
         mean, heading = _feet(plan, stances[-1])
         sheet.add("goal", np.linalg.norm(mean[:2] - xyz[:2]), radius + 1e-9, "m", _spot(mean))
         if scene.goal.get("yaw") is not None:
@@ -1189,7 +1202,7 @@ def _wrap(angle: float) -> float:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Prints the table of one plan: `python verifier.py PLAN.h5 [--json]`. Returns 0 holds, 1 does not, 2 unreadable."""
+    """Prints the table of `python verifier.py PLAN.h5 [--json]`; returns 0 if it holds, 1 if not, 2 if unreadable."""
     try:
         report = verify(arguments[0])
     except UnreadablePlan as error:
