@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
-from scenes.scene_file import scene_from_yaml
 
 from drakeplan.plan import Plan
 from drakeplan.playback.animation import animate
@@ -24,6 +23,7 @@ from drakeplan.playback.view import View, choose_view
 from scenes.input_error import InputError
 from scenes.robot import Robot, load_robot
 from scenes.scene import Scene
+from scenes.scene_file import scene_from_yaml
 
 HOST = "localhost"  # Drake's default listens on every interface
 UP = np.array([0.0, 0.0, 1.0])
@@ -47,7 +47,7 @@ def show_plan(plan: Plan, meshcat: Meshcat, robot: Robot | None = None) -> View:
         InputError: an unknown robot, or one whose model is not the plan's.
     """
     robot = robot or robot_of(plan)
-    scene = scene_from_yaml(plan.scene_yaml, source=f"plan of {plan.scene_name}")
+    scene = scene_from_yaml(plan.scene_yaml, f"plan of {plan.scene_name}", mesh_triangles=plan.triangles)
     draw_still(meshcat, plan, scene)
     animate(meshcat, plan, robot)
     view, extent = _camera(plan, scene)

@@ -1,0 +1,265 @@
+"""`drakeplan plan`: from a scene to a verified plan, its file and its page."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import resource
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from scenes.input_error import InputError
+
+if TYPE_CHECKING:
+    from drakeplan.planning import PlanOptions, PlanResult
+    from scenes.scene import Scene
+
+ABOUT = """Plans how a robot crosses a scene with its feet and palms, and has the plan verified.
+
+SCENE is a name (drakeplan scenes list), a scene file, hpp/MESH (a mesh of the hpp-environments package) or a mesh file.
+Lengths in metres, angles in degrees, times in seconds. A start or goal is set down on the terrain.
+
+examples:
+  drakeplan plan rubble_corridor --seed 3 --out plan.h5 --html plan.html
+  drakeplan plan hpp/darpa --start -3.6 0 0 --goal 3.9 0 --out darpa.h5
+  drakeplan plan stones.yaml --friction 0.4 --deadline 10 --json
+
+Ctrl-C ends the search and keeps the best plan so far; a second one aborts.
+
+exit status: 0 the plan is complete and verified, 2 bad input, 3 no plan (the reason is said)"""
+
+DEFAULT_ROBOT = "escher"
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Words after `drakeplan plan`."""
+
+    scene: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """a name, a scene file, hpp/MESH or a mesh file"""
+    robot: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """who crosses (default: the scene's robot, else escher)"""
+    seed: int = 0
+    """of the scene and of every random choice"""
+    start: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]")] = ()
+    """where to start: mean of the feet, heading (default: the scene's)"""
+    goal: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]")] = ()
+    """where to end; without YAW with any heading (default: the scene's)"""
+    goal_radius: Annotated[float | None, tyro.conf.arg(metavar="R")] = None
+    """distance from the goal that counts as there (default: the scene's, else 0.2)"""
+    friction: Annotated[float | None, tyro.conf.arg(metavar="MU")] = None
+    """replaces every friction coefficient in the scene"""
+    cone: Literal["inner", "square", "second_order", "diamond"] = "inner"
+    """friction cone; diamond admits what real friction does not and is for comparison only"""
+    planner: Literal["search"] = "search"
+    """what finds the contacts"""
+    dynamics: Literal["quasi-static"] = "quasi-static"
+    """what the search asks whether a transition is possible"""
+    deadline: float = 30.0
+    """limit of the search; dynamics and motion follow"""
+    improve: float = 1.0
+    """the search stops this long after its first plan"""
+    expansions: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """limit of expanded nodes; unlike times it makes runs repeatable"""
+    keep_partial: bool = False
+    """write contacts too whose dynamics, motion or verification failed"""
+    out: Annotated[str | None, tyro.conf.arg(metavar="PLAN.h5")] = None
+    """write the plan"""
+    html: Annotated[str | None, tyro.conf.arg(metavar="PAGE.html")] = None
+    """write a page that plays it"""
+    json: bool = False
+    """one JSON object on standard output"""
+
+
+def run(arguments: Arguments) -> int:
+    """Plans, writes, tells; see the exit status in `ABOUT`."""
+    _check_arguments(arguments)
+    from drakeplan.plan_file import require_writable
+
+    outputs = [path for path in (arguments.out, arguments.html) if path is not None]
+    for path in outputs:
+        require_writable(path)
+    if len({Path(path).resolve() for path in outputs}) < len(outputs):
+        raise InputError(f"--out and --html name the same file {arguments.out}")
+    from scenes.robot import load_robot
+    from scenes.scene_source import load_scene
+
+    scene = load_scene(arguments.scene, seed=arguments.seed)
+    for note in scene.notes:
+        print(f"note: {note}", file=sys.stderr)
+    robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT)
+    _require_ends(arguments, scene)
+    from drakeplan.planning import plan_scene
+    from drakeplan.progress import ProgressPrinter
+
+    with _interruptible() as interrupted:
+        options = _options(arguments, interrupted)
+        result = plan_scene(scene, robot, options, ProgressPrinter(sys.stderr))
+    files = _write(arguments, result)
+    complete = result.status == "complete"
+    report = {
+        **result.report,
+        "scene": scene.name,
+        "robot": robot.name,
+        "seed": arguments.seed,
+        "notes": list(scene.notes),
+        "total_s": seconds_since_process_start(),
+        "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "files": files,
+    }
+    if arguments.json:
+        from drakeplan.cli.output import print_json
+
+        print_json(report)
+    elif result.plan is not None:
+        print(_summary(report))
+    if not complete:
+        print(f"drakeplan: no plan: {result.reason}", file=sys.stderr)
+    return 0 if complete else 3
+
+
+def _check_arguments(arguments: Arguments) -> None:
+    if arguments.seed < 0:
+        raise InputError(f"--seed: expected 0 or more, got {arguments.seed}")
+    if arguments.expansions is not None and arguments.expansions < 1:
+        raise InputError(f"--expansions: expected 1 or more, got {arguments.expansions}")
+    for name in ("goal_radius", "friction", "deadline", "improve"):
+        value = getattr(arguments, name)
+        if value is not None and value < 0:
+            raise InputError(f"--{name.replace('_', '-')}: expected 0 or more, got {value:g}")
+
+
+def _require_ends(arguments: Arguments, scene: Scene) -> None:
+    """A scene without start or goal needs the option; the message helps to choose one."""
+    missing = [
+        option
+        for option, given, known in (
+            ("--start", arguments.start, scene.start),
+            ("--goal", arguments.goal, scene.goal),
+        )
+        if not given and known is None
+    ]
+    if missing:
+        lowest, highest = scene.terrain.extent
+        spans = ", ".join(f"{a} from {lo:.2f} to {hi:.2f} m" for a, lo, hi in zip("xyz", lowest, highest, strict=True))
+        raise InputError(f"scene {scene.name} needs {' and '.join(missing)}: its terrain spans {spans}")
+
+
+def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
+    from drakeplan.planning import PlanOptions
+
+    return PlanOptions(
+        seed=arguments.seed,
+        start=_in_radians(arguments.start),
+        goal=_in_radians(arguments.goal),
+        goal_radius=arguments.goal_radius,
+        friction=arguments.friction,
+        cone=arguments.cone,
+        planner=arguments.planner,
+        dynamics=arguments.dynamics,
+        deadline=arguments.deadline,
+        improve=arguments.improve,
+        expansions=arguments.expansions,
+        stop=interrupted,
+        command=shlex.join(["drakeplan", *sys.argv[1:]]),
+    )
+
+
+def _in_radians(place: Sequence[float]) -> tuple[float, ...] | None:
+    """(x, y) or (x, y, yaw) with the yaw in radians; None for nothing."""
+    if not place:
+        return None
+    return (*place[:2], *(math.radians(yaw) for yaw in place[2:]))
+
+
+def _write(arguments: Arguments, result: PlanResult) -> dict[str, str]:
+    """Writes what was asked for; a plan without a verified motion only with --keep-partial."""
+    files: dict[str, str] = {}
+    if result.plan is None or (result.status != "complete" and not arguments.keep_partial):
+        return files
+    if arguments.out is not None:
+        from drakeplan.plan_file import write_plan
+
+        write_plan(result.plan, arguments.out)
+        files["plan"] = arguments.out
+    if arguments.html is not None:
+        from drakeplan.playback import write_page
+
+        write_page(result.plan, arguments.html)
+        files["html"] = arguments.html
+    return files
+
+
+class _Flag:
+    """Called, says whether Ctrl-C was pressed."""
+
+    def __init__(self) -> None:
+        self.raised = False
+
+    def __call__(self) -> bool:
+        return self.raised
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[_Flag]:
+    """Inside, the first Ctrl-C raises the flag and the second one aborts as usual."""
+    flag = _Flag()
+
+    def interrupt(signum: int, frame: object) -> None:
+        if flag.raised:
+            raise KeyboardInterrupt
+        flag.raised = True
+        print("interrupted: going on with the best contacts so far; once more to abort", file=sys.stderr, flush=True)
+
+    try:
+        before = signal.signal(signal.SIGINT, interrupt)
+    except ValueError:  # not in the main thread, where no signal arrives
+        yield flag
+        return
+    try:
+        yield flag
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _summary(report: dict[str, object]) -> str:
+    """A few lines for people."""
+
+    def number(key: str, form: str = ".2f") -> str:
+        value = report.get(key)
+        return "-" if value is None else format(value, form)
+
+    verified = report["verified"]
+    state = "complete, verified" if report["status"] == "complete" else "contacts only"
+    if isinstance(verified, dict) and verified.get("failed"):
+        state += f", verification failed: {', '.join(verified['failed'])}"
+    lines = [
+        f"{report['scene']}, {report['robot']}, seed {report['seed']}: {state}",
+        f"  {report['stances']} stances, {report['contacts']} contacts, {report['palms_used']} of palms;"
+        f" cost {number('cost', '.3f')}, bound {number('bound', '.3f')}",
+        f"  first contacts {number('time_to_first_s', '.3f')} s, first feasible {number('time_to_first_feasible_s')} s;"
+        f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
+        f"  all in all {number('total_s')} s, {number('peak_rss_mb', '.0f')} MB",
+    ]
+    files = report["files"]
+    if isinstance(files, dict):
+        lines += [f"  {kind:<4}  {path}" for kind, path in files.items()]
+    return "\n".join(lines)
+
+
+def seconds_since_process_start() -> float:
+    """Age of this process, interpreter start-up included (Linux; elsewhere CPU clocks' age of the interpreter)."""
+    try:
+        ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+        hertz = 100  # USER_HZ, the same on every Linux that Drake runs on
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / hertz
+    except (OSError, ValueError, IndexError, AttributeError):
+        return time.perf_counter()

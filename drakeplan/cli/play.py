@@ -1,0 +1,72 @@
+"""`drakeplan play`: a plan in the browser, live or as a page."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from scenes.input_error import InputError
+
+ABOUT = """Shows a plan in the browser: terrain, robot, contacts, forces, path of the centre of mass, time slider.
+
+Without --html it serves the plan on this machine alone (localhost) until Ctrl-C. With --html it writes one page that
+needs no server and no network; `page.html#t=3.5` opens it stopped at 3.5 s.
+
+examples:
+  drakeplan play plan.h5
+  drakeplan play plan.h5 --port 7010
+  drakeplan play plan.h5 --html plan.html"""
+
+PORTS = (1024, 65535)
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Words after `drakeplan play`."""
+
+    plan: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLAN.h5")]
+    """the plan file"""
+    port: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """serve on this port (default: the first free one from 7000)"""
+    html: Annotated[str | None, tyro.conf.arg(metavar="PAGE.html")] = None
+    """write this page; does not serve unless --port is given too"""
+    json: bool = False
+    """one JSON object on standard output"""
+
+
+def run(arguments: Arguments) -> int:
+    """Writes the page, serves the plan, or both."""
+    from drakeplan.cli.output import print_json
+    from drakeplan.plan_file import read_plan, require_writable
+
+    if arguments.port is not None and not PORTS[0] <= arguments.port <= PORTS[1]:
+        raise InputError(f"--port: expected {PORTS[0]} to {PORTS[1]}, got {arguments.port}")
+    if arguments.html is not None:
+        require_writable(arguments.html)
+    plan = read_plan(arguments.plan)
+    if arguments.html is not None:
+        from drakeplan.playback import write_page
+
+        write_page(plan, arguments.html)
+        if arguments.port is None:
+            if arguments.json:
+                print_json({"plan": arguments.plan, "status": plan.status, "html": arguments.html, "url": None})
+            else:
+                print(arguments.html)
+            return 0
+    from drakeplan.playback import open_meshcat, show_plan
+
+    meshcat = open_meshcat(arguments.port)
+    show_plan(plan, meshcat)
+    if arguments.json:
+        print_json({"plan": arguments.plan, "status": plan.status, "html": arguments.html, "url": meshcat.web_url()})
+    else:
+        print(meshcat.web_url())
+    sys.stdout.flush()
+    print("serving until Ctrl-C", file=sys.stderr)
+    signal.sigwait({signal.SIGINT, signal.SIGTERM})
+    return 0

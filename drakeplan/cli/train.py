@@ -1,0 +1,22 @@
+"""`drakeplan train`: the place of surrogate training, which comes with learned dynamics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenes.input_error import InputError
+
+ABOUT = "Trains surrogates. It comes with learned dynamics in a later version and does nothing yet."
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Words after `drakeplan train`."""
+
+    json: bool = False
+    """one JSON object on standard output"""
+
+
+def run(arguments: Arguments) -> int:
+    """Says that there is nothing to run yet."""
+    raise InputError("drakeplan train comes with learned dynamics in a later version; here it does nothing")
