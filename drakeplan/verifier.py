@@ -49,7 +49,7 @@ FOOT_MAX_TILT, PALM_TILT = np.deg2rad(45.0), (np.deg2rad(45.0), np.deg2rad(135.0
 PATCH_OFF_BODY = 0.01  # [m] corner of a sole or palm patch off the body that should carry it
 
 SAME_TIME = 1e-6  # [s]
-KNOT_SPACING, FRAME_SPACING = 0.2, 0.0201  # [s] between momentum knots; 50 Hz between frames
+KNOT_SPACING, FRAME_SPACING = 0.2001, 0.0201  # [s] between momentum knots; 50 Hz between frames
 RESIDUAL = 1e-6  # [M g, M g m, m] of the discrete equations
 WRENCH = 1e-6  # [M g, M g m] of a contact wrench from the admissible set
 AT_REST = 1e-3  # [m/s, m^2/s per kg, rad/s] at start and end
@@ -116,7 +116,7 @@ CONES = {
 # ---- the report
 
 
-class UnreadablePlan(ValueError):  # noqa: N818: it names what the plan is
+class UnreadablePlan(ValueError):  # noqa: N818
     """The file cannot be judged at all; the text is one line that says why."""
 
     def __init__(self, message: str) -> None:
