@@ -1,0 +1,12 @@
+"""Benchmarks: every number that drakeplan reports of itself has a command here.
+
+Each name is a module of this package with `run(options: BenchOptions) -> BenchTable`.
+"""
+
+BENCHES = {
+    "first": "time to the first contact sequence, rubble field and corridor, one thread",
+    "scenes": "verdicts of the verifier for every named scene and the meshes of hpp-environments",
+    "command": "whole command from process start to files written: time and memory",
+    "scale": "growth with the number of surfaces and with the distance",
+    "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",
+}

@@ -1,0 +1,141 @@
+"""What a benchmark returns, and where it is kept: SQLite for every run, docs/benchmarks.md for the latest table."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import sqlite3
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+PACKAGES = ("drakeplan", "drake", "numpy", "numba", "scipy", "piqp", "hpp-centroidal-dynamics", "hpp-environments")
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What all benchmarks share.
+
+    Attributes:
+        seeds: how many seeds, from 0.
+        robot: name.
+        tell: called with one line of progress.
+    """
+
+    seeds: int = 50
+    robot: str = "escher"
+    tell: Callable[[str], None] = field(default=lambda line: None)
+
+
+@dataclass(frozen=True)
+class BenchTable:
+    """One table of results.
+
+    Attributes:
+        name: of the benchmark.
+        title: one line.
+        columns: headings.
+        rows: cells, numbers or text.
+        notes: lines below the table.
+    """
+
+    name: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[object, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def markdown(self) -> str:
+        """The table as Markdown, with machine and versions."""
+        head = f"| {' | '.join(self.columns)} |\n|{'---|' * len(self.columns)}\n"
+        body = "".join(f"| {' | '.join(_cell(c) for c in row)} |\n" for row in self.rows)
+        notes = "".join(f"- {note}\n" for note in self.notes)
+        where = ", ".join(f"{k} {v}" for k, v in machine().items())
+        return f"### {self.title}\n\n`drakeplan bench {self.name}`: {where}\n\n{head}{body}\n{notes}"
+
+    def text(self) -> str:
+        """The table for a terminal."""
+        cells = [list(self.columns)] + [[_cell(c) for c in row] for row in self.rows]
+        widths = [max(len(row[k]) for row in cells) for k in range(len(self.columns))]
+        lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+        return "\n".join([self.title, *lines, *self.notes])
+
+
+def spread(values: Sequence[float]) -> dict[str, float]:
+    """Median, 5th and 95th percentile, least and greatest of the finite values."""
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    if not len(finite):
+        return dict.fromkeys(("median", "p5", "p95", "min", "max"), float("nan"))
+    p5, median, p95 = np.percentile(finite, [5, 50, 95])
+    return {"median": median, "p5": p5, "p95": p95, "min": finite.min(), "max": finite.max()}
+
+
+def machine() -> dict[str, str]:
+    """Processor, cores, Python and the versions of what matters."""
+    info = {"date": time.strftime("%Y-%m-%d"), "cpu": _cpu(), "cores": str(os.cpu_count())}
+    info["python"] = sys.version.split()[0]
+    for package in PACKAGES:
+        try:
+            info[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return info
+
+
+def record(table: BenchTable, options: BenchOptions, database: Path) -> None:
+    """Appends a run to the SQLite file (WAL mode), making it when missing."""
+    database.parent.mkdir(parents=True, exist_ok=True)
+    with sqlite3.connect(database) as connection:
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute(
+            "CREATE TABLE IF NOT EXISTS runs (id INTEGER PRIMARY KEY, at TEXT, bench TEXT, seeds INTEGER, robot TEXT,"
+            " machine TEXT, columns TEXT, rows TEXT, notes TEXT)"
+        )
+        connection.execute(
+            "INSERT INTO runs (at, bench, seeds, robot, machine, columns, rows, notes) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                time.strftime("%Y-%m-%dT%H:%M:%S"),
+                table.name,
+                options.seeds,
+                options.robot,
+                json.dumps(machine()),
+                json.dumps(table.columns),
+                json.dumps(table.rows, default=str),
+                json.dumps(table.notes),
+            ),
+        )
+
+
+def write_markdown(table: BenchTable, page: Path) -> None:
+    """Puts the table into the page in place of the one of the same name, or at its end."""
+    text = page.read_text(encoding="utf-8") if page.exists() else "# Benchmarks\n\nMade by `drakeplan bench`.\n\n"
+    block = f"<!-- {table.name} -->\n{table.markdown()}<!-- end {table.name} -->\n"
+    pattern = re.compile(rf"<!-- {table.name} -->\n.*?<!-- end {table.name} -->\n", re.DOTALL)
+    text = pattern.sub(lambda _: block, text) if pattern.search(text) else f"{text.rstrip()}\n\n{block}"
+    temporary = page.with_suffix(".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(page)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return "-" if not np.isfinite(value) else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return str(value)
+
+
+def _cpu() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
