@@ -144,6 +144,27 @@ def add_diagonal(i: int, error: float, weight: float, program: StepProgram) -> N
 
 
 @njit(cache=True)
+def predicted_gain(program: StepProgram, num_velocities: int, m: int, length: float) -> float:
+    """How much sum_k w_k^2 |r_k|^2 should fall along `length` of the answer x, if the task were as linear as the rows say.
+
+    A step of nothing leaves each inequality's slack at what is satisfied already, so the comparison starts there.
+    """
+    gain = 0.0
+    for i in range(m):
+        if i >= num_velocities:
+            # At v = 0 the row's t is max(0, -bound); g[i] = -w^2 bound, H[i, i] = w^2.
+            bound = -program.g[i] / program.H[i, i]
+            if bound < 0.0:
+                gain -= program.H[i, i] * bound * bound
+        x = length * program.x[i] if i < num_velocities else program.x[i]
+        Hx = program.H[i, i] * x
+        for j in range(i + 1, m):
+            Hx += 2.0 * program.H[i, j] * (length * program.x[j] if j < num_velocities else program.x[j])
+        gain += x * (2.0 * program.g[i] - Hx)
+    return gain
+
+
+@njit(cache=True)
 def edge_normal(region: np.ndarray, k: int, n: int, normal: np.ndarray) -> float:
     """Writes the outward unit normal (2,) of edge k of a counter-clockwise polygon; returns b in normal . x <= b.
 

@@ -53,7 +53,7 @@ class IkOptions(NamedTuple):
     com_tolerance: float = 2e-3
     penetration: float = 5e-3
     max_iterations: int = 30
-    restarts: int = 2
+    restarts: int = 0
     angle_weight: float = 0.3
     posture_weight: float = 0.02
     upright_weight: float = 0.05

@@ -20,7 +20,7 @@ from numba import njit
 
 from optimization.body_capsules import read_capsules
 from optimization.box_qp import solve_box_qp
-from optimization.ik_tasks import make_program
+from optimization.ik_tasks import make_program, predicted_gain
 from optimization.kinematic_tree import KinematicTree, integrate
 from optimization.kinematics import Kinematics
 from optimization.posture_guess import guess_posture, upright_base
@@ -85,7 +85,9 @@ def _descend(model: WholeBodyModel, task: StanceTask, options: IkOptions, q: np.
         iterations += 1
         m = build_step(model, task, options, pose, close, damping, preference, J_com, program)
         solve_box_qp(program.H, program.g, program.lower, program.upper, m, program.side, program.x, 40)
-        integrate(pose.q, program.x, _step_length(program.x, nv), trial.q)
+        length = _step_length(program.x, nv)
+        promised = predicted_gain(program, nv, m, length)
+        integrate(pose.q, program.x, length, trial.q)
         _keep_limits(tree, trial.q)
         short_trial, close_trial = measure(model, task, options, R_upright, trial)
         gain = shortfall.unmet - short_trial.unmet + preference**2 * (shortfall.strain - short_trial.strain)
@@ -94,9 +96,9 @@ def _descend(model: WholeBodyModel, task: StanceTask, options: IkOptions, q: np.
             slow += 1
             continue
         slow = slow + 1 if short_trial.unmet > 0.9 * shortfall.unmet else 0
-        if short_trial.unmet < 0.3 * shortfall.unmet:
+        if gain > 0.75 * promised:
             damping = max(0.2 * damping, 1e-6)
-        elif short_trial.unmet > 0.7 * shortfall.unmet:
+        elif gain < 0.25 * promised:
             damping *= 4.0
         preference = max(_FADE * preference, _FAINTEST)
         pose, trial = trial, pose
