@@ -10,7 +10,13 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.solvers import LinearConstraint, LinearEqualityConstraint, LorentzConeConstraint, MathematicalProgram
+from pydrake.solvers import (
+    BoundingBoxConstraint,
+    LinearConstraint,
+    LinearEqualityConstraint,
+    LorentzConeConstraint,
+    MathematicalProgram,
+)
 
 from optimization import piqp_adapter
 from optimization.centroidal_check import violations
@@ -32,7 +38,7 @@ from optimization.contact_wrench import CornerForces, pressure_residuals, skew
 from optimization.friction import cone_index
 from optimization.gauss_newton import minimise
 from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings
-from optimization.sparse_rows import SparseRows
+from optimization.sparse_rows import RowPattern, SparseRows
 from scenes.effector import EFFECTORS
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
@@ -135,7 +141,7 @@ class CentroidalProgram:
         self._about = com, np.tile(UP, (len(self.dt), 1)), wrench
 
     def _reach_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(K,) knot (less one), (K, 3) contact point [m], (K,) greatest distance [m]: contacts around each knot 1..N-1."""
+        """(K,) knot less one, (K, 3) contact point and (K,) greatest distance [m]: contacts next to knots 1..N-1."""
         schedule = self.problem.schedule
         held = np.zeros((len(self.dt), len(schedule.contacts)), bool)
         held[self.interval, schedule.active[self.interval, self.effector]] = True
@@ -149,6 +155,7 @@ class CentroidalProgram:
         N, J = len(self.dt), len(self.interval)
         state = [(name, N, 3) for name in ("com", "v", "k", "a", "kdot")]
         self.index: dict[str, np.ndarray] = {}
+        self._patterns: dict[str, RowPattern] = {}
         self.num_vars = 0
         for name, count, width in (
             *state, ("s", N, 1), ("s_end", 1, 1), ("wrench", J, 6), ("z", J, 3), ("force", J, 12)
@@ -159,15 +166,19 @@ class CentroidalProgram:
             setattr(self, name, self.prog.NewContinuousVariables(size, name).reshape(count, width))
         self._x = self.prog.decision_variables()
 
-    def _add_rows(self, name: str, rows: SparseRows, lower: np.ndarray | None, upper: np.ndarray):
+    def _add_rows(self, name: str, rows: SparseRows, lower: np.ndarray | None, upper: np.ndarray) -> LinearConstraint:
         """Adds lower <= rows x <= upper, an equality where `lower` is None, and returns the constraint."""
-        A, used = rows.compressed(len(upper), self.num_vars)
+        pattern = rows.pattern(len(upper), self.num_vars)
+        A = pattern.matrix(rows.values)
         constraint = LinearEqualityConstraint(A, upper) if lower is None else LinearConstraint(A, lower, upper)
         constraint.set_description(name)
-        self.prog.AddConstraint(constraint, self._x[used])
+        self.prog.AddConstraint(constraint, self._x[pattern.columns])
+        self._patterns[name] = pattern
         return constraint
 
-    def _add_bounds(self, name: str, variables: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+    def _add_bounds(
+        self, name: str, variables: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    ) -> BoundingBoxConstraint:
         lower, upper = (np.broadcast_to(bound, variables.shape).ravel() for bound in (lower, upper))
         constraint = self.prog.AddBoundingBoxConstraint(lower, upper, variables.ravel()).evaluator()
         constraint.set_description(name)
@@ -294,7 +305,7 @@ class CentroidalProgram:
             if constraint is None:
                 continue
             rows, lower, upper = built()
-            A, _ = rows.compressed(len(upper), self.num_vars)
+            A = self._patterns[constraint.get_description()].matrix(rows.values)
             constraint.UpdateCoefficients(A, upper) if lower is None else constraint.UpdateCoefficients(A, lower, upper)
 
     def bound_step(self, com: np.ndarray, radius: float) -> None:

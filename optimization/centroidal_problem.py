@@ -1,4 +1,4 @@
-"""The data of one centroidal problem: robot mass and patches, contacts over time, where it starts and what it tracks."""
+"""The data of one centroidal problem: mass and patches, contacts over time, where it starts, what it tracks."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def minimise(
     for _ in range(max_iterations):
         if time.perf_counter() - started > time_limit:
             return Outcome(point, False, "time", tuple(records))
-        x, record = solver.solve()
+        x, record = solver.solve(costs_changed=not records)
         records.append(record)
         if point is None:
             if x is None or not record.feasible:
@@ -109,8 +109,12 @@ def minimise(
             point = model.evaluate(x)
             model.linearise(point)
             continue
-        following = _search(model, point, model.evaluate(x)) if x is not None and record.feasible else None
+        candidate = model.evaluate(x) if x is not None and record.feasible else None
+        following = _search(model, point, candidate) if candidate is not None else None
+        still = (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
         if following is None:
+            if candidate is not None and not np.isfinite(bound) and abs(candidate.merit - point.merit) <= still:
+                return Outcome(point, True, "converged", tuple(records))
             bound = min(bound * SHRINK, radius)
             if bound < LEAST_RADIUS:
                 return Outcome(point, True, "no step improves", tuple(records))
@@ -122,7 +126,7 @@ def minimise(
         if np.isfinite(bound):
             bound *= 2.0
             model.trust(point, bound)
-        if decrease <= (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit):
+        if decrease <= still:
             return Outcome(point, True, "converged", tuple(records))
     return Outcome(point, False, "iterations", tuple(records))
 

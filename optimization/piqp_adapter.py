@@ -8,11 +8,13 @@ from __future__ import annotations
 import importlib.util
 
 import numpy as np
-import scipy.sparse as sp
 
 from optimization.quadratic_program import QuadraticProgram
 
-UNBOUNDED = 1e20  # rows with no bound beyond this are dropped
+INFINITE = 1e20  # PIQP's own notion of no bound
+# The defaults (1e-10, 1e-4) stall on forces that no cost tells apart, and then call feasible problems infeasible.
+REGULARISATION = 1e-7
+INFEASIBILITY = 1e-9
 
 
 def available() -> bool:
@@ -25,7 +27,7 @@ class PiqpSolver:
 
     def __init__(self) -> None:
         self._solver = None
-        self._pattern: tuple | None = None
+        self._pattern: tuple[np.ndarray, ...] | None = None
 
     def solve(self, program: QuadraticProgram, *, tolerance: float, max_iterations: int) -> tuple[str, np.ndarray, int]:
         """Status in PIQP's words, the (n,) last iterate and the number of iterations.
@@ -35,39 +37,35 @@ class PiqpSolver:
             tolerance: absolute and relative accuracy asked for.
             max_iterations: of the interior-point method.
         """
-        import piqp  # optional, and only needed from here on
+        import piqp  # optional: nobody but the one who asks for it needs it
 
-        P = sp.triu(program.P, format="csc")
-        A = _stack([block.A for block in program.equalities], program.q.size)
-        b = np.concatenate([np.zeros(0), *(block.upper for block in program.equalities)])
-        G = _stack([block.A for block in program.inequalities], program.q.size)
-        lower = np.concatenate([np.zeros(0), *(block.lower for block in program.inequalities)])
-        upper = np.concatenate([np.zeros(0), *(block.upper for block in program.inequalities)])
-        data = (P, program.q, A, b, G, lower, upper, program.lower, program.upper)
-        bounded = np.concatenate(
-            [lower > -UNBOUNDED, upper < UNBOUNDED, program.lower > -UNBOUNDED, program.upper < UNBOUNDED]
-        )
-        pattern = (*(part for M in (P, A, G) for part in (M.indptr, M.indices)), bounded)
-        if self._pattern is not None and _same(pattern, self._pattern):
+        equalities, inequalities = program.equalities, program.inequalities
+        data = (program.P, program.q, equalities.A, equalities.upper, inequalities.A, inequalities.lower)
+        data = (*data, inequalities.upper, program.lower, program.upper)
+        pattern = _pattern(program)
+        if self._solver is not None and self._pattern is not None and _same(pattern, self._pattern):
             self._solver.update(*data)
         else:
-            self._solver = piqp.SparseSolver()
+            self._solver, self._pattern = piqp.SparseSolver(), pattern
             settings = self._solver.settings
             settings.eps_abs = settings.eps_rel = tolerance
+            settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
+            settings.reg_lower_limit = REGULARISATION
+            settings.eps_primal_inf = settings.eps_dual_inf = INFEASIBILITY
             settings.max_iter = max_iterations
             settings.verbose = False
             self._solver.setup(*data)
-            self._pattern = pattern
         status = self._solver.solve()
         result = self._solver.result
-        return (str(status).rpartition("PIQP_")[2].lower(), np.array(result.x), int(result.info.iter))
+        return str(status).rpartition("PIQP_")[2].lower(), np.array(result.x), int(result.info.iter)
 
 
-def _stack(blocks: list[sp.csr_matrix], n: int) -> sp.csc_matrix:
-    stacked = sp.vstack(blocks, format="csc") if blocks else sp.csc_matrix((0, n))
-    stacked.sort_indices()
-    return stacked
+def _pattern(program: QuadraticProgram) -> tuple[np.ndarray, ...]:
+    """What must not change for PIQP to keep its symbolic work: places of entries, and which bounds exist."""
+    places = [part for M in (program.P, program.equalities.A, program.inequalities.A) for part in (M.indptr, M.indices)]
+    bounds = (program.inequalities.lower, program.inequalities.upper, program.lower, program.upper)
+    return (*places, *(np.abs(bound) < INFINITE for bound in bounds))
 
 
-def _same(left: tuple, right: tuple) -> bool:
-    return all(a.shape == b.shape and np.array_equal(a, b) for a, b in zip(left, right, strict=True))
+def _same(left: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> bool:
+    return all(a is b or np.array_equal(a, b) for a, b in zip(left, right, strict=True))

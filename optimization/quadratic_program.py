@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from pydrake.solvers import MathematicalProgram, ProgramAttribute
+
+from optimization.sparse_rows import RowPattern
+
+if TYPE_CHECKING:
+    from pydrake.solvers import LinearConstraint
 
 QUADRATIC = {
     ProgramAttribute.kLinearCost,
@@ -22,37 +28,53 @@ def is_quadratic(prog: MathematicalProgram) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearBlock:
-    """Rows of one binding: lower <= A x <= upper over all the program's variables.
+class LinearRows:
+    """The rows lower <= A x <= upper of several bindings, stacked.
 
     Attributes:
-        name: description of the binding.
         A: (m, n) sparse matrix.
-        lower: (m,) least values, -inf where free.
+        lower: (m,) least values, -inf where free; equal to `upper` for equalities.
         upper: (m,) greatest values, inf where free.
+        names: description of each binding.
+        starts: first row of each binding.
     """
 
-    name: str
-    A: sp.csr_matrix
+    A: sp.csc_matrix
     lower: np.ndarray
     upper: np.ndarray
+    names: tuple[str, ...]
+    starts: np.ndarray
 
-    def excess(self, x: np.ndarray) -> np.ndarray:
-        """(m,) by how much each row is violated at x, 0 where it holds."""
+    def name(self, row: int) -> str:
+        """Description of the binding that this row belongs to."""
+        return self.names[int(np.searchsorted(self.starts, row, side="right")) - 1]
+
+    def worst(self, x: np.ndarray) -> tuple[float, str]:
+        """The greatest violation at x and the binding that has it; (0, "") where there are no rows."""
+        if not len(self.lower):
+            return 0.0, ""
         y = self.A @ x
-        return np.maximum(np.maximum(self.lower - y, y - self.upper), 0.0)
+        excess = np.maximum(self.lower - y, y - self.upper)
+        row = int(np.argmax(excess))
+        return float(max(excess[row], 0.0)), self.name(row)
+
+    def non_finite(self) -> str:
+        """Description of the first binding that holds a NaN or an infinite coefficient, "" where all is well."""
+        bad = np.isnan(self.lower) | np.isnan(self.upper)
+        bad[self.A.indices[~np.isfinite(self.A.data)]] = True
+        return self.name(int(np.argmax(bad))) or "unnamed" if bad.any() else ""
 
 
 @dataclass(frozen=True, eq=False)
 class QuadraticProgram:
-    """min 1/2 x'Px + q'x + c  s.t.  every block's rows and lower <= x <= upper.
+    """min 1/2 x'Px + q'x + c  s.t.  equalities, inequalities and lower <= x <= upper.
 
     Attributes:
-        P: (n, n) sparse symmetric Hessian.
+        P: (n, n) upper triangle of the sparse symmetric Hessian.
         q: (n,) linear cost.
         constant: c.
-        equalities: blocks of linear equality constraints (lower equals upper).
-        inequalities: blocks of linear inequality constraints.
+        equalities: stacked linear equality constraints.
+        inequalities: stacked linear inequality constraints.
         lower: (n,) least value of each variable, -inf where free.
         upper: (n,) greatest value of each variable, inf where free.
     """
@@ -60,22 +82,20 @@ class QuadraticProgram:
     P: sp.csc_matrix
     q: np.ndarray
     constant: float
-    equalities: tuple[LinearBlock, ...]
-    inequalities: tuple[LinearBlock, ...]
+    equalities: LinearRows
+    inequalities: LinearRows
     lower: np.ndarray
     upper: np.ndarray
 
     def cost(self, x: np.ndarray) -> float:
         """Value of the objective at x."""
-        return float(0.5 * x @ (self.P @ x) + self.q @ x + self.constant)
+        quadratic = x @ (self.P @ x) - 0.5 * (self.P.diagonal() @ x**2)
+        return float(quadratic + self.q @ x + self.constant)
 
     def worst(self, x: np.ndarray) -> tuple[float, str]:
         """The greatest violation at x and the name of the constraint that has it ("" where there is none)."""
-        worst, name = (float(np.max(np.maximum(self.lower - x, x - self.upper), initial=0.0)), "bounds")
-        for block in (*self.equalities, *self.inequalities):
-            excess = float(np.max(block.excess(x), initial=0.0))
-            if excess > worst:
-                worst, name = excess, block.name
+        bound = float(np.max(np.maximum(self.lower - x, x - self.upper), initial=0.0))
+        worst, name = max(self.equalities.worst(x), self.inequalities.worst(x), (bound, "bounds"))
         return worst, name if worst > 0 else ""
 
     def non_finite(self) -> str:
@@ -84,10 +104,7 @@ class QuadraticProgram:
             return "cost"
         if np.isnan(self.lower).any() or np.isnan(self.upper).any():
             return "bounds"
-        for block in (*self.equalities, *self.inequalities):
-            if not np.isfinite(block.A.data).all() or np.isnan(block.lower).any() or np.isnan(block.upper).any():
-                return block.name
-        return ""
+        return self.equalities.non_finite() or self.inequalities.non_finite()
 
 
 class ProgramReader:
@@ -100,34 +117,34 @@ class ProgramReader:
     def __init__(self, prog: MathematicalProgram) -> None:
         if not is_quadratic(prog):
             raise ValueError("the program has terms that are neither linear nor quadratic")
-        self._prog = prog
-        self._bindings = {
-            kind: [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()))) for b in bindings]
-            for kind, bindings in (
-                ("quadratic", prog.quadratic_costs()),
-                ("linear", prog.linear_costs()),
-                ("equality", prog.linear_equality_constraints()),
-                ("inequality", prog.linear_constraints()),
-                ("bounds", prog.bounding_box_constraints()),
+        self._n = prog.num_vars()
+        self._quadratic, self._linear, equality, inequality, self._bounds = (
+            [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()))) for b in bindings]
+            for bindings in (
+                prog.quadratic_costs(),
+                prog.linear_costs(),
+                prog.linear_equality_constraints(),
+                prog.linear_constraints(),
+                prog.bounding_box_constraints(),
             )
-        }
+        )
+        self._equalities, self._inequalities = _RowReader(equality, self._n), _RowReader(inequality, self._n)
+        self._costs: tuple[sp.csc_matrix, np.ndarray, float] | None = None
 
-    def read(self) -> QuadraticProgram:
-        """The program's present numbers."""
-        n = self._prog.num_vars()
-        P, q, constant = self._costs(n)
-        lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
-        for evaluator, index in self._bindings["bounds"]:
+    def read(self, *, costs: bool = True) -> QuadraticProgram:
+        """The program's present numbers; those of the costs from the last read where `costs` is False."""
+        if costs or self._costs is None:
+            self._costs = self._read_costs()
+        lower, upper = np.full(self._n, -np.inf), np.full(self._n, np.inf)
+        for evaluator, index in self._bounds:
             np.maximum.at(lower, index, evaluator.lower_bound())
             np.minimum.at(upper, index, evaluator.upper_bound())
-        equalities = tuple(_block(evaluator, index, n) for evaluator, index in self._bindings["equality"])
-        inequalities = tuple(_block(evaluator, index, n) for evaluator, index in self._bindings["inequality"])
-        return QuadraticProgram(P, q, constant, equalities, inequalities, lower, upper)
+        return QuadraticProgram(*self._costs, self._equalities.read(), self._inequalities.read(), lower, upper)
 
-    def _costs(self, n: int) -> tuple[sp.csc_matrix, np.ndarray, float]:
-        q, constant = np.zeros(n), 0.0
+    def _read_costs(self) -> tuple[sp.csc_matrix, np.ndarray, float]:
+        q, constant = np.zeros(self._n), 0.0
         rows, cols, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
-        for evaluator, index in self._bindings["quadratic"]:
+        for evaluator, index in self._quadratic:
             Q = evaluator.Q()
             i, j = np.nonzero(Q)
             rows.append(index[i])
@@ -135,16 +152,38 @@ class ProgramReader:
             values.append(Q[i, j])
             np.add.at(q, index, evaluator.b())
             constant += evaluator.c()
-        for evaluator, index in self._bindings["linear"]:
+        for evaluator, index in self._linear:
             np.add.at(q, index, evaluator.a())
             constant += evaluator.b()
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols)))
-        return sp.coo_matrix(entries, shape=(n, n)).tocsc(), q, float(constant)
+        return sp.triu(sp.coo_matrix(entries, shape=(self._n, self._n)).tocsc(), format="csc"), q, float(constant)
 
 
-def _block(evaluator, index: np.ndarray, n: int) -> LinearBlock:
-    """The rows of one linear constraint, its columns moved to where its variables stand in the program."""
-    A = evaluator.get_sparse_A().tocsc()
-    cols = np.repeat(index, np.diff(A.indptr))
-    spread = sp.csr_matrix((A.data, (A.indices, cols)), shape=(A.shape[0], n))
-    return LinearBlock(evaluator.get_description(), spread, evaluator.lower_bound(), evaluator.upper_bound())
+class _RowReader:
+    """Stacks the rows of linear constraints; sorts their entries once, as long as their sparsity stays."""
+
+    def __init__(self, bindings: list[tuple[LinearConstraint, np.ndarray]], num_vars: int) -> None:
+        self._bindings, self._num_vars = bindings, num_vars
+        self._pattern: RowPattern | None = None
+        self._seen: tuple[np.ndarray, np.ndarray] | None = None
+
+    def read(self) -> LinearRows:
+        blocks = [evaluator.get_sparse_A() for evaluator, _ in self._bindings]
+        counts = np.array([block.shape[0] for block in blocks], int)
+        starts = np.concatenate([np.zeros(1, int), np.cumsum(counts)])
+        indices = np.concatenate([np.zeros(0, int), *(block.indices for block in blocks)])
+        indptr = np.concatenate([np.zeros(0, int), *(block.indptr for block in blocks)])
+        if self._seen is None or not all(map(np.array_equal, self._seen, (indices, indptr))):
+            rows = np.concatenate([np.zeros(0, int), *(b.indices + s for b, s in zip(blocks, starts, strict=False))])
+            cols = [np.repeat(i, np.diff(b.indptr)) for b, (_, i) in zip(blocks, self._bindings, strict=True)]
+            cols = np.concatenate([np.zeros(0, int), *cols])
+            shape = (int(starts[-1]), self._num_vars)
+            self._pattern = RowPattern.of(rows, cols, shape, np.arange(self._num_vars))
+            self._seen = indices, indptr
+        values = np.concatenate([np.zeros(0), *(block.data for block in blocks)])
+        lower, upper = (
+            np.concatenate([np.zeros(0), *(getattr(evaluator, side)() for evaluator, _ in self._bindings)])
+            for side in ("lower_bound", "upper_bound")
+        )
+        names = tuple(evaluator.get_description() for evaluator, _ in self._bindings)
+        return LinearRows(self._pattern.matrix(values), lower, upper, names, starts[:-1])

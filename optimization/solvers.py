@@ -14,7 +14,7 @@ import numpy as np
 from pydrake.solvers import ClarabelSolver, CommonSolverOption, MathematicalProgram, SolverOptions
 
 from optimization import piqp_adapter
-from optimization.quadratic_program import ProgramReader, is_quadratic
+from optimization.quadratic_program import ProgramReader, QuadraticProgram, is_quadratic
 from scenes.input_error import InputError
 
 SOLVERS = ("auto", "piqp", "clarabel")
@@ -69,20 +69,21 @@ class SolveRecord:
 class ConvexSolver:
     """Solves one convex MathematicalProgram, again and again as its coefficients change.
 
-    Quadratic programs go to PIQP or Clarabel, second-order cone programs to Clarabel. Between two solves no cost,
+    Quadratic programs go to PIQP or Clarabel, second-order cone programs to Clarabel. Where PIQP finds no answer that
+    holds, Clarabel is asked too: PIQP's "infeasible" has been seen to be wrong. Between two solves no cost,
     constraint or variable may be added to the program.
     """
 
-    def __init__(self, prog: MathematicalProgram, options: SolverSettings | None = None) -> None:
+    def __init__(self, prog: MathematicalProgram, settings: SolverSettings | None = None) -> None:
         self.prog = prog
-        self.options = options or SolverSettings()
+        self.settings = settings or SolverSettings()
         quadratic = is_quadratic(prog)
         self.name = self._choose(quadratic)
         self._reader = ProgramReader(prog) if quadratic else None
         self._piqp = piqp_adapter.PiqpSolver() if self.name == "piqp" else None
 
     def _choose(self, quadratic: bool) -> str:
-        asked = self.options.solver
+        asked = self.settings.solver
         if asked == "auto":
             return "piqp" if quadratic and piqp_adapter.available() else "clarabel"
         if asked == "piqp" and not piqp_adapter.available():
@@ -91,37 +92,51 @@ class ConvexSolver:
             raise InputError("solver 'piqp' takes linear and quadratic terms only: choose 'clarabel' or a linear cone")
         return asked
 
-    def solve(self) -> tuple[np.ndarray | None, SolveRecord]:
+    def solve(self, *, costs_changed: bool = True) -> tuple[np.ndarray | None, SolveRecord]:
         """The (n,) answer, None where it is not finite, and the record of how it came about.
+
+        Args:
+            costs_changed: False where the costs are those of the last solve: saves reading them.
 
         Raises:
             InputError: the program's data holds a NaN or an infinity.
         """
         started = time.perf_counter()
-        program = self._reader.read() if self._reader is not None else None
+        program = self._reader.read(costs=costs_changed) if self._reader is not None else None
         bad = program.non_finite() if program is not None else _non_finite(self.prog)
         if bad:
             raise InputError(f"optimisation: the data of {bad!r} is not finite")
         if self._piqp is not None and program is not None:
-            status, x, iterations = self._piqp.solve(
-                program, tolerance=self.options.tolerance, max_iterations=self.options.max_iterations
+            answer = self._piqp.solve(
+                program, tolerance=self.settings.tolerance, max_iterations=self.settings.max_iterations
             )
-        else:
-            status, x, iterations = self._clarabel()
+            x, record = self._judge("piqp", answer, program, started)
+            if record.feasible:
+                return x, record
+        name = "clarabel" if self._piqp is None else "clarabel after piqp"
+        return self._judge(name, self._clarabel(), program, started)
+
+    def _judge(
+        self, name: str, answer: tuple[str, np.ndarray, int], program: QuadraticProgram | None, started: float
+    ) -> tuple[np.ndarray | None, SolveRecord]:
+        """The answer with its record, after our own check of the constraints."""
+        status, x, iterations = answer
+        worst, constraint = np.inf, ""
+        finite = x.size == self.prog.num_vars() and bool(np.isfinite(x).all())
+        if finite:
+            worst, constraint = program.worst(x) if program is not None else worst_violation(self.prog, x)
         elapsed = time.perf_counter() - started
-        if x.size != self.prog.num_vars() or not np.isfinite(x).all():
-            return None, SolveRecord(self.name, status, False, np.inf, "", iterations, elapsed)
-        worst, name = program.worst(x) if program is not None else worst_violation(self.prog, x)
-        return x, SolveRecord(self.name, status, worst <= self.options.accept, worst, name, iterations, elapsed)
+        feasible = worst <= self.settings.accept
+        return (x if finite else None), SolveRecord(name, status, feasible, worst, constraint, iterations, elapsed)
 
     def _clarabel(self) -> tuple[str, np.ndarray, int]:
         options = SolverOptions()
         options.SetOption(CommonSolverOption.kMaxThreads, 1)
         solver = ClarabelSolver()
         for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-            options.SetOption(solver.solver_id(), key, self.options.tolerance)
-        options.SetOption(solver.solver_id(), "time_limit", self.options.time_limit)
-        options.SetOption(solver.solver_id(), "max_iter", self.options.max_iterations)
+            options.SetOption(solver.solver_id(), key, self.settings.tolerance)
+        options.SetOption(solver.solver_id(), "time_limit", self.settings.time_limit)
+        options.SetOption(solver.solver_id(), "max_iter", self.settings.max_iterations)
         result = solver.Solve(self.prog, None, options)
         details = result.get_solver_details()
         return (str(details.status), result.get_x_val(), int(getattr(details, "iterations", -1)))

@@ -1,13 +1,15 @@
-"""Sparse constraint rows, gathered in whole arrays."""
+"""Sparse constraint rows, gathered in whole arrays; their pattern is sorted once and filled again and again."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 
 class SparseRows:
-    """Collects entries of a sparse matrix; entries that share a place add up. Zeros are kept: they hold the pattern."""
+    """Collects the entries of a sparse matrix, each place once. Zeros are kept: they hold the pattern."""
 
     def __init__(self) -> None:
         self._rows: list[np.ndarray] = []
@@ -25,12 +27,46 @@ class SparseRows:
         """Adds (..., a, b) blocks at rows (..., a) and columns (..., b)."""
         self.add(rows[..., :, None], cols[..., None, :], blocks)
 
-    def compressed(self, num_rows: int, num_cols: int) -> tuple[sp.csc_matrix, np.ndarray]:
-        """The matrix over the columns that occur, and which those are, ascending."""
-        rows, cols = np.concatenate(self._rows), np.concatenate(self._cols)
+    @property
+    def values(self) -> np.ndarray:
+        """(nnz,) values in the order in which they were added."""
+        return np.concatenate([np.zeros(0), *self._values])
+
+    def pattern(self, num_rows: int, num_cols: int) -> RowPattern:
+        """Where the entries stand, over the columns that occur."""
+        rows, cols = (np.concatenate([np.zeros(0, int), *parts]) for parts in (self._rows, self._cols))
         occurs = np.zeros(num_cols, bool)
         occurs[cols] = True
-        used = np.flatnonzero(occurs)
         place = np.cumsum(occurs) - 1
-        entries = np.concatenate(self._values), (rows, place[cols])
-        return sp.coo_matrix(entries, shape=(num_rows, len(used))).tocsc(), used
+        return RowPattern.of(rows, place[cols], (num_rows, int(occurs.sum())), np.flatnonzero(occurs))
+
+
+@dataclass(frozen=True, eq=False)
+class RowPattern:
+    """The places of a sparse matrix's entries, in the order that a compressed matrix wants.
+
+    Attributes:
+        shape: of the matrix.
+        columns: which variable each column is.
+        order: (nnz,) place of each compressed entry among the values as they were added.
+        indices, indptr: as in `scipy.sparse.csc_matrix`.
+    """
+
+    shape: tuple[int, int]
+    columns: np.ndarray
+    order: np.ndarray
+    indices: np.ndarray
+    indptr: np.ndarray
+
+    @classmethod
+    def of(cls, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int], columns: np.ndarray) -> RowPattern:
+        """The pattern of entries at (rows, cols), each place occurring once."""
+        numbered = sp.coo_matrix((np.arange(1, len(rows) + 1), (rows, cols)), shape=shape).tocsc()
+        numbered.sort_indices()
+        if numbered.nnz != len(rows):
+            raise ValueError("an entry of a sparse matrix was given twice")
+        return cls(shape, columns, numbered.data - 1, numbered.indices, numbered.indptr)
+
+    def matrix(self, values: np.ndarray) -> sp.csc_matrix:
+        """The matrix with these (nnz,) values, in the order in which the entries were added."""
+        return sp.csc_matrix((values[self.order], self.indices, self.indptr), shape=self.shape)
