@@ -7,18 +7,15 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-import yaml
 from lxml import etree
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError, unknown_name
+from scenes.robot_schema import RobotEntry, read_robot_file
 
 ROBOTS = Path(__file__).parent / "robots"
-MAX_FILE_SIZE = 1_000_000  # [bytes] no honest robot description is longer
 
 
 @dataclass(frozen=True)
@@ -39,7 +36,7 @@ class EffectorSpec:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """What planning needs to know of a robot; two are equal when their model and description are.
+    """What planning needs to know of a robot.
 
     Frame T is the approximated torso frame of Lin 2020 eq. 3.1 without its z offset: origin at the mean of the
     feet, yaw the mean of the feet's yaws. Points of the right side mirror y.
@@ -129,113 +126,43 @@ def load_robot(name: str | Path) -> Robot:
         path = ROBOTS / text / f"{text}.yaml"
     else:
         raise unknown_name("robot", text, robot_names())
-    description = read_description(path)
-    model = _model_file(path, description)
+    return _robot(path, read_robot_file(path))
+
+
+def _robot(path: Path, entry: RobotEntry) -> Robot:
+    model = _model_file(path, entry)
+    effectors = [entry.effectors[e] for e in EFFECTORS]
     return Robot(
-        name=description.name,
+        name=entry.name,
         model=model,
         model_sha256=hashlib.sha256(model.read_bytes()).hexdigest(),
         mass=_mass(model),
-        effectors=tuple(
-            EffectorSpec(e, description.effectors[e].frame, description.effectors[e].half_extent) for e in EFFECTORS
-        ),
-        base_body=description.base_body,
-        torso_body=description.torso_body,
-        nominal=dict(description.nominal),
-        shoulder=np.array(description.shoulder),
-        hip=np.array(description.hip),
-        arm_reach=description.arm_reach,
-        leg_reach=description.leg_reach,
-        com_height=description.com_height,
-        torso_box_centre=np.array(description.torso_box.centre),
-        torso_box_size=np.array(description.torso_box.size),
-        max_foot_translation=description.max_foot_translation,
-        max_palm_translation=description.max_palm_translation,
-        max_step_height=description.max_step_height,
-        foot_separation=description.foot_separation,
-        force_limit=np.array([description.effectors[e].force_limit for e in EFFECTORS]),
-        com_reach=np.array([description.effectors[e].com_reach for e in EFFECTORS]),
+        effectors=tuple(EffectorSpec(n, e.frame, e.half_extent) for n, e in zip(EFFECTORS, effectors, strict=True)),
+        base_body=entry.base_body,
+        torso_body=entry.torso_body,
+        nominal=dict(entry.nominal),
+        shoulder=np.array(entry.shoulder),
+        hip=np.array(entry.hip),
+        arm_reach=entry.arm_reach,
+        leg_reach=entry.leg_reach,
+        com_height=entry.com_height,
+        torso_box_centre=np.array(entry.torso_box.centre),
+        torso_box_size=np.array(entry.torso_box.size),
+        max_foot_translation=entry.max_foot_translation,
+        max_palm_translation=entry.max_palm_translation,
+        max_step_height=entry.max_step_height,
+        foot_separation=entry.foot_separation,
+        force_limit=np.array([e.force_limit for e in effectors]),
+        com_reach=np.array([e.com_reach for e in effectors]),
     )
 
 
-def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
-    if any(b < a for a, b in zip(values, values[1:], strict=False)):
-        raise ValueError("expected numbers that do not decrease")
-    return values
+def _model_file(path: Path, entry: RobotEntry) -> Path:
+    if entry.package is not None:
+        from scenes.robot_adapter import adapted_model
 
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Point = tuple[Number, Number, Number]
-Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
-Heights = Annotated[tuple[Positive, Positive, Positive], AfterValidator(_ascending)]
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class EffectorDescription(_Strict):
-    """One end effector in the file."""
-
-    frame: str
-    half_extent: tuple[Positive, Positive]
-    force_limit: Positive
-    com_reach: Positive
-
-
-class TorsoBox(_Strict):
-    """Box that stands for the trunk, in T."""
-
-    centre: Point
-    size: tuple[Positive, Positive, Positive]
-
-
-class RobotDescription(_Strict):
-    """The YAML file; `Robot` says what each key means."""
-
-    format: Literal["drakeplan-robot"]
-    version: Literal[1]
-    name: str
-    model: str
-    base_body: str
-    torso_body: str
-    effectors: dict[str, EffectorDescription]
-    nominal: dict[str, Number]
-    shoulder: Point
-    hip: Point
-    arm_reach: Range
-    leg_reach: Range
-    com_height: Heights
-    torso_box: TorsoBox
-    max_foot_translation: Positive
-    max_palm_translation: Positive
-    max_step_height: Positive
-    foot_separation: Range
-
-
-def read_description(path: Path) -> RobotDescription:
-    """Reads and checks a robot's YAML file.
-
-    Raises:
-        InputError: it is missing, too large, no YAML, or a key is wrong; the line names file and key.
-    """
-    try:
-        if path.stat().st_size > MAX_FILE_SIZE:
-            raise InputError(f"{path}: larger than {MAX_FILE_SIZE} bytes, which no robot description is")
-        document = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
-        return RobotDescription.model_validate(document)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is no YAML ({error})") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-
-
-def _model_file(path: Path, description: RobotDescription) -> Path:
-    model = (path.parent / description.model).resolve()
+        return adapted_model(entry.name, entry.package, entry.base_body, entry.nominal, source=str(path))
+    model = (path.parent / str(entry.model)).resolve()
     if not model.is_file():
         raise InputError(f"{path}: model: there is no file {model}")
     return model
