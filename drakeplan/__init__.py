@@ -1,1 +1,83 @@
-"""How to get there: search, motion, verification, playback and the command line."""
+"""drakeplan plans how a humanoid crosses hard terrain with its feet and palms, and checks every plan.
+
+    import drakeplan
+
+    scene = drakeplan.load_scene("rubble_corridor", seed=0)
+    result = drakeplan.plan_scene(scene, drakeplan.load_robot("escher"))
+    if result.plan is not None:
+        drakeplan.write_plan(result.plan, "plan.h5")
+        drakeplan.write_page(result.plan, "plan.html")
+
+Names are imported when they are first used: `import drakeplan` loads neither Drake nor a compiler.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from drakeplan.plan import Plan
+    from drakeplan.plan_file import inspect_plan, read_plan, write_plan
+    from drakeplan.planning import PlanOptions, PlanResult, plan_scene
+    from drakeplan.playback import show_plan, write_page
+    from drakeplan.verifier import Report, verify
+    from scenes.input_error import InputError
+    from scenes.robot import Robot, load_robot, robot_names
+    from scenes.scene import Goal, Scene, Start
+    from scenes.scene_source import list_scenes, load_scene
+    from scenes.surface import Surface
+    from scenes.terrain import Terrain
+
+__all__ = [
+    "Goal",
+    "InputError",
+    "Plan",
+    "PlanOptions",
+    "PlanResult",
+    "Report",
+    "Robot",
+    "Scene",
+    "Start",
+    "Surface",
+    "Terrain",
+    "inspect_plan",
+    "list_scenes",
+    "load_robot",
+    "load_scene",
+    "plan_scene",
+    "read_plan",
+    "robot_names",
+    "show_plan",
+    "verify",
+    "write_page",
+    "write_plan",
+]
+
+_HOMES = {
+    "drakeplan.plan": ("Plan",),
+    "drakeplan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
+    "drakeplan.planning": ("PlanOptions", "PlanResult", "plan_scene"),
+    "drakeplan.playback": ("show_plan", "write_page"),
+    "drakeplan.verifier": ("Report", "verify"),
+    "scenes.input_error": ("InputError",),
+    "scenes.robot": ("Robot", "load_robot", "robot_names"),
+    "scenes.scene": ("Goal", "Scene", "Start"),
+    "scenes.scene_source": ("list_scenes", "load_scene"),
+    "scenes.surface": ("Surface",),
+    "scenes.terrain": ("Terrain",),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Imports a public name on first use (PEP 562)."""
+    for module, names in _HOMES.items():
+        if name in names:
+            value = getattr(import_module(module), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module 'drakeplan' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -38,7 +38,8 @@ Progress = Callable[[ProgressEvent], None]
 class ProgressPrinter:
     """Writes events as lines; call it with each event.
 
-    A line appears when the stage or the cost changes, otherwise not more often than `QUIET_INTERVAL`.
+    A line appears when the stage or the cost changes, otherwise not more often than `QUIET_INTERVAL`. The time it
+    shows is that since the printer was made, so that it never runs backwards, whatever the events count from.
 
     Attributes:
         stream: where to, normally standard error.
@@ -48,7 +49,8 @@ class ProgressPrinter:
 
     def __post_init__(self) -> None:
         self._last: tuple[str, float | None] = ("", None)
-        self._last_time = -QUIET_INTERVAL
+        self._began = time.monotonic()
+        self._last_time = self._began - QUIET_INTERVAL
 
     def __call__(self, event: ProgressEvent) -> None:
         """Shows the event, unless nothing changed and the last line is very recent."""
@@ -57,12 +59,12 @@ class ProgressPrinter:
         if news == self._last and now - self._last_time < QUIET_INTERVAL:
             return
         self._last, self._last_time = news, now
-        print(format_event(event), file=self.stream, flush=True)
+        print(format_event(event, now - self._began), file=self.stream, flush=True)
 
 
-def format_event(event: ProgressEvent) -> str:
-    """One line: elapsed time, stage, cost, bound, expansions, message; what is unknown is left out."""
-    parts = [f"[{event.elapsed:7.2f} s]" if event.elapsed is not None else " " * 11, f"{event.stage:<8}"]
+def format_event(event: ProgressEvent, elapsed: float) -> str:
+    """One line: time [s], stage, cost, bound, expansions, message; what is unknown is left out."""
+    parts = [f"[{elapsed:7.2f} s]", f"{event.stage:<8}"]
     if event.cost is not None:
         parts.append(f"cost {event.cost:.3f}")
     if event.bound is not None:

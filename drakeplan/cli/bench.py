@@ -1,68 +1,89 @@
-"""`drakeplan bench`: runs benchmarks, records them and writes their tables."""
+"""`drakeplan bench`: measures, prints, and keeps what it measured."""
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from drakeplan.bench import BENCHES
 from scenes.input_error import InputError, unknown_name
 
-_LIST = "\n".join(f"  {name:<8}  {what}" for name, what in BENCHES.items())
-ABOUT = f"""Measures speed and compares with peers; without names, everything.
+if TYPE_CHECKING:
+    from drakeplan.bench.table import BenchTable
 
-{_LIST}
+NAMES = "\n".join(f"  {name:<8}  {about}" for name, about in BENCHES.items())
+ABOUT = f"""Runs one benchmark or all of them.
+
+Every run is appended to a SQLite file; where there is a folder docs, its benchmarks.md gets the new table.
+
+benchmarks:
+{NAMES}
 
 examples:
   drakeplan bench first
-  drakeplan bench first --seeds 10 --json
-  drakeplan bench balance scale --page docs/benchmarks.md
-"""
+  drakeplan bench scale --seeds 5
+  drakeplan bench --json"""
+
+PAGE = Path("docs/benchmarks.md")
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """What `drakeplan bench` takes."""
+    """Words after `drakeplan bench`."""
 
-    names: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Benchmarks to run; all of them when none is named."""
+    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = ""
+    """which one (default: all of them)"""
     seeds: int = 50
-    """Seeds 0 to SEEDS - 1 where a benchmark draws scenes."""
-    robot: str = "escher"
-    """Robot by name."""
-    database: Path = Path("out/bench.sqlite")
-    """Every run is appended to this SQLite file."""
-    page: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Also put the tables into this Markdown page."""
+    """how many seeds, from 0; some benchmarks use fewer"""
+    robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
+    """whose plans are measured"""
+    database: Annotated[str, tyro.conf.arg(metavar="FILE")] = "out/bench.sqlite"
+    """where every run is kept"""
+    page: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
+    """Markdown page that gets the table (default: docs/benchmarks.md where there is a folder docs)"""
     json: bool = False
-    """One JSON object on standard output."""
+    """one JSON object on standard output"""
 
 
 def run(arguments: Arguments) -> int:
-    """Runs, records and prints; 0 when all ran."""
+    """Runs what was asked for, one after the other."""
+    if arguments.seeds < 1:
+        raise InputError(f"--seeds: expected 1 or more, got {arguments.seeds}")
+    if arguments.name and arguments.name not in BENCHES:
+        raise unknown_name("benchmark", arguments.name, BENCHES)
+    page = Path(arguments.page) if arguments.page is not None else PAGE if PAGE.parent.is_dir() else None
+    if page is not None and not page.parent.is_dir():
+        raise InputError(f"--page: there is no folder {page.parent}")
+    tables = []
+    for name in [arguments.name] if arguments.name else BENCHES:
+        tables.append(_run_one(name, arguments, page))
+        if not arguments.json:
+            print(tables[-1].text(), end="\n\n", flush=True)
+    if arguments.json:
+        from drakeplan.bench.table import machine
+        from drakeplan.cli.output import print_json
+
+        facts = [
+            {"name": t.name, "title": t.title, "columns": t.columns, "rows": t.rows, "notes": t.notes} for t in tables
+        ]
+        print_json({"machine": machine(), "seeds": arguments.seeds, "robot": arguments.robot, "tables": facts})
+    return 0
+
+
+def _run_one(name: str, arguments: Arguments, page: Path | None) -> BenchTable:
     from drakeplan.bench.table import BenchOptions, record, write_markdown
 
-    if arguments.seeds < 1:
-        raise InputError(f"--seeds: expected at least 1, got {arguments.seeds}")
-    for name in arguments.names:
-        if name not in BENCHES:
-            raise unknown_name("benchmark", name, BENCHES)
-    options = BenchOptions(arguments.seeds, arguments.robot, lambda line: print(line, file=sys.stderr, flush=True))
-    tables = {}
-    for name in arguments.names or BENCHES:
-        table = import_module(f"drakeplan.bench.{name}").run(options)
-        record(table, options, arguments.database)
-        if arguments.page is not None:
-            write_markdown(table, arguments.page)
-        tables[name] = {"title": table.title, "columns": table.columns, "rows": table.rows, "notes": table.notes}
-        if not arguments.json:
-            print(table.text(), end="\n\n", flush=True)
-    if arguments.json:
-        print(json.dumps(tables, default=str))
-    return 0
+    def tell(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    options = BenchOptions(arguments.seeds, arguments.robot, tell)
+    table = import_module(f"drakeplan.bench.{name}").run(options)
+    record(table, options, Path(arguments.database))
+    if page is not None:
+        write_markdown(table, page)
+    return table

@@ -33,11 +33,11 @@ class Arguments:
 
 def run(arguments: Arguments) -> int:
     """Prints the report; 0 when every check holds, else 1."""
-    from drakeplan.verifier import UnreadablePlanError, verify
+    from drakeplan.verifier import UnreadablePlan, verify
 
     try:
         report = verify(arguments.plan)
-    except UnreadablePlanError as error:
+    except UnreadablePlan as error:
         raise InputError(str(error)) from None
     if arguments.json:
         from drakeplan.cli.output import print_json

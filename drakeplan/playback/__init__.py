@@ -121,9 +121,10 @@ def robot_of(plan: Plan) -> Robot:
 def _camera(plan: Plan, scene: Scene) -> tuple[View, float]:
     """The view on the whole way, and how far from its target things matter [m]."""
     contacts = plan.contacts.X_WC[:, :3, 3]
-    way = plan.centroidal.com if plan.centroidal is not None else contacts + 0.8 * UP
+    way = plan.centroidal.com if plan.centroidal is not None else contacts + 0.1 * UP
+    top = HEAD_ABOVE_COM if plan.centroidal is not None else 0.0
     goal = [scene.goal.xyz] if scene.goal is not None and np.isfinite(scene.goal.xyz).all() else []
-    points = np.concatenate([way, way + HEAD_ABOVE_COM * UP, contacts, np.reshape(goal, (-1, 3))])
+    points = np.concatenate([way, way + top * UP, contacts, np.reshape(goal, (-1, 3))])
     fans = [
         np.stack([np.broadcast_to(s.vertices[0], (len(s.vertices) - 2, 3)), s.vertices[1:-1], s.vertices[2:]], axis=1)
         for s in scene.terrain.surfaces

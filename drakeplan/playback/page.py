@@ -8,12 +8,12 @@ from drakeplan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR
 
-# `#t=3.5` in the address stops the motion there; `#t=3.5&still` also hides the control panel.
+# `#t=3.5` in the address stops the motion there; `&still` hides the control panel, `&bare` the legend too.
 SEEK = """
 <script>
   (function () {
     const wanted = new URLSearchParams(location.hash.slice(1));
-    if (wanted.has("still")) document.body.classList.add("still");
+    for (const name of ["still", "bare"]) if (wanted.has(name)) document.body.classList.add(name);
     if (!wanted.has("t")) return;
     const wait = setInterval(() => {
       const animator = viewer.animator;
@@ -41,7 +41,7 @@ STYLE = """
     display: inline-block; width: 12px; height: 12px; margin-right: 7px; border-radius: 3px; vertical-align: -1px;
   }
   #plan-legend span { white-space: nowrap; margin-right: 12px; }
-  body.still .dg.main, body.still .dg.ac { display: none !important; }
+  body.still .dg.main, body.still .dg.ac, body.bare #plan-legend { display: none !important; }
 </style>
 """
 

@@ -49,6 +49,12 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> Drawn:
     meshcat.SetLineSegments(f"{ROOT}/terrain/outlines", starts.T, ends.T, 1.0, grey)
     for c in range(len(plan.contacts)):
         _patch(meshcat, plan, c)
+    if len(plan.contacts):
+        corners = _patch_corners(plan)
+        ends = np.roll(corners, -1, axis=1)
+        meshcat.SetLineSegments(
+            f"{ROOT}/contacts/outlines", corners.reshape(-1, 3).T, ends.reshape(-1, 3).T, 1.0, Rgba(0.1, 0.1, 0.12)
+        )
     if plan.centroidal is not None:
         _com_path(meshcat, plan.centroidal.com)
     if scene.goal is not None:
@@ -75,6 +81,15 @@ def _patch(meshcat: Meshcat, plan: Plan, index: int) -> None:
     X_WC = plan.contacts.X_WC[index]
     R_WC = RotationMatrix.ProjectToRotationMatrix(X_WC[:3, :3])  # a file may hold one that is off in its last digits
     meshcat.SetTransform(path, RigidTransform(R_WC, X_WC[:3, 3] + 0.3 * PATCH * X_WC[:3, 2]))
+
+
+def _patch_corners(plan: Plan) -> np.ndarray:
+    """(C, 4, 3) corners of the patches' upper faces, in order around each [m]."""
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    flat = plan.half_extent[plan.contacts.effector][:, None] * signs
+    p_CP = np.concatenate([flat, np.full((*flat.shape[:2], 1), 0.8 * PATCH + 0.001)], axis=2)
+    X_WC = plan.contacts.X_WC
+    return np.einsum("cij,ckj->cki", X_WC[:, :3, :3], p_CP) + X_WC[:, None, :3, 3]
 
 
 def _com_path(meshcat: Meshcat, com: np.ndarray) -> None:
