@@ -11,18 +11,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
 from drakeplan.encounters import ProximityMonitor
 from drakeplan.phases import Schedule
 from optimization.friction import cone_generators
+from optimization.kinematic_tree import KinematicTree
 from optimization.kinematics import Kinematics
-from optimization.posture_tracking import DistanceRows, TrackingTargets, no_rows, track_postures
+from optimization.posture_tracking import LEVER, TrackedPostures, TrackingTargets, track_postures
 from optimization.static_equilibrium import com_polygon
+from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
 from scenes.robot import Robot
 
 MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
+MARGINS = (0.02, 0.012, 0.006)  # [m] tried where the legs do not reach that
 MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.03  # [rad] of every joint's range that key postures leave unused, so that the motion has some
@@ -79,50 +83,100 @@ class BalanceRegions:
         return self._known[contacts]
 
 
+def inset(region: np.ndarray, margin: float) -> np.ndarray:
+    """(V, 2) the convex region without a rim of this width [m], CCW; V = 0 where nothing is left."""
+    inner = shapely.Polygon(region).buffer(-margin, join_style="mitre")
+    return np.zeros((0, 2)) if inner.is_empty else np.array(orient(inner).exterior.coords)[:-1]
+
+
 def resting_point(region: np.ndarray, toward: np.ndarray, margin: float = MARGIN) -> np.ndarray:
     """(2,) point of the region, `margin` inside its edge where it is wide enough, that is nearest to `toward` [m]."""
-    polygon = shapely.Polygon(region)
-    inner = polygon.buffer(-margin, join_style="mitre")
-    while inner.is_empty and margin > 1e-3:
+    inner = inset(region, margin)
+    while not len(inner) and margin > 1e-3:
         margin *= 0.7
-        inner = polygon.buffer(-margin, join_style="mitre")
-    if inner.is_empty:
-        return np.array(polygon.centroid.coords[0])
-    point = shapely.Point(toward)
-    if inner.contains(point):
+        inner = inset(region, margin)
+    if not len(inner):
+        return np.asarray(region).mean(axis=0)
+    polygon, point = shapely.Polygon(inner), shapely.Point(toward)
+    if polygon.contains(point):
         return np.asarray(toward, dtype=float)
-    return np.array(nearest_points(inner, point)[0].coords[0])
+    return np.array(nearest_points(polygon, point)[0].coords[0])
 
 
 def solve_key_postures(
-    robot: Robot,
-    kinematics: Kinematics,
-    schedule: Schedule,
-    regions: BalanceRegions,
-    monitor: ProximityMonitor,
-    *,
-    margin: float = MARGIN,
+    robot: Robot, ik: WholeBodyIK, schedule: Schedule, regions: BalanceRegions, monitor: ProximityMonitor
 ) -> KeyPostures:
-    """Solves all of them together, then moves bodies apart that come too near each other or the terrain."""
+    """Solves all of them together, moves bodies apart that come too near each other or the terrain, retries what fails.
+
+    The first try wants the CoM well inside what the contacts balance. Where the legs do not reach that, the planner's
+    own inverse kinematics says how far the CoM can come, and the posture is made from there.
+    """
     placed, support = _boundary_contacts(schedule)
     polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
-    targets = _targets(robot, kinematics, schedule, placed, polygons, margin)
+    targets = _targets(robot, ik.kinematics, schedule, placed, polygons)
     q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
-    answer = track_postures(kinematics.tree, targets, q, chained=False, max_iterations=60)
+    tree = ik.kinematics.tree
+    answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
+    answer = _apart(tree, monitor, targets, answer, placed)
+    keys = _judged(ik.kinematics, answer, polygons)
+    failures = keys.failures()
+    if failures:
+        targets = _reachable(ik, targets, answer.q, placed, polygons, failures)
+        solve = np.isin(np.arange(len(q)), failures)
+        q = np.where(solve[:, None], targets.q_ref, answer.q)
+        answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
+        answer = _apart(tree, monitor, targets, answer, placed)
+        keys = _judged(ik.kinematics, answer, polygons)
+    return keys
+
+
+def _apart(
+    tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
+    placed: np.ndarray,
+) -> TrackedPostures:  # fmt: skip
+    """Moves bodies apart that are nearer than `APART`; contacts in place stay."""
     for _ in range(ROUNDS):
-        met = monitor.near(answer.q, range(len(q)), SEEN)
+        met = monitor.near(answer.q, range(len(answer.q)), SEEN)
         met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
-        close = np.zeros(len(q), dtype=bool)
+        close = np.zeros(len(answer.q), dtype=bool)
         close[met.frame[met.distance < APART - 2e-3]] = True
         if not close.any():
             break
-        rows = met.rows(len(q), np.full(len(met), APART))
-        targets = _with_rows(targets, rows)
-        answer = track_postures(kinematics.tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
+        rows = met.rows(len(answer.q), np.full(len(met), APART))
+        targets = replace(targets, rows=rows)
+        answer = track_postures(tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
+    return answer
+
+
+def _judged(kinematics: Kinematics, answer: TrackedPostures, polygons: tuple[np.ndarray, ...]) -> KeyPostures:
     com = np.array([kinematics.com(x) for x in answer.q])
     com_error = np.linalg.norm(answer.com_error[:, :2], axis=1)
     com_error[[len(p) < 3 for p in polygons]] = np.inf
     return KeyPostures(answer.q, com, answer.effector_error.max(axis=1), com_error, polygons)
+
+
+def _reachable(
+    ik: WholeBodyIK,
+    targets: TrackingTargets,
+    q: np.ndarray,
+    placed: np.ndarray,
+    polygons: tuple[np.ndarray, ...],
+    failures: list[int],
+) -> TrackingTargets:
+    """Targets whose CoM and reference posture at the failures are what the planner's inverse kinematics finds."""
+    com, q_ref = targets.com.copy(), targets.q_ref.copy()
+    for b in failures:
+        if len(polygons[b]) < 3:
+            continue
+        for margin in MARGINS:
+            region = inset(polygons[b], margin)
+            found = ik.solve(targets.X_WE[b], placed[b] >= 0, region, q[b]) if len(region) else None
+            if found is None or not found.ok:
+                found = ik.solve(targets.X_WE[b], placed[b] >= 0, region, None) if len(region) else None
+            if found is not None and found.ok:
+                com[b], q_ref[b] = ik.kinematics.com(found.q), found.q
+                break
+    return replace(targets, com=com, q_ref=q_ref, lower=ik.kinematics.tree.lower, upper=ik.kinematics.tree.upper)
 
 
 def standing_over(q_nominal: np.ndarray, feet_mean: np.ndarray, heading: float) -> np.ndarray:
@@ -164,7 +218,6 @@ def _targets(
     schedule: Schedule,
     placed: np.ndarray,
     polygons: tuple[np.ndarray, ...],
-    margin: float,
 ) -> TrackingTargets:
     num, num_effectors = placed.shape
     X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
@@ -172,12 +225,13 @@ def _targets(
         X_WE[b, e] = schedule.contacts[placed[b, e]].X_WC
     com, q_ref = np.zeros((num, 3)), np.empty((num, len(robot.q_nominal)))
     for b, (feet, heading) in enumerate(_stands(schedule, placed)):
-        com[b, :2] = resting_point(polygons[b], feet[:2], margin) if len(polygons[b]) >= 3 else feet[:2]
+        com[b, :2] = resting_point(polygons[b], feet[:2]) if len(polygons[b]) >= 3 else feet[:2]
         q_ref[b] = standing_over(robot.q_nominal, feet, heading)
     tree = kinematics.tree
+    hold = np.where(placed >= 0, HOLD, 0.0)
     weight = posture_weight(len(tree.lower))
     return TrackingTargets(
-        X_WE, np.where(placed >= 0, HOLD, 0.0), com, np.tile([COM, COM, 0.0], (num, 1)), q_ref, weight,
+        X_WE, hold, LEVER * hold, com, np.tile([COM, COM, 0.0], (num, 1)), q_ref, weight,
         tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
     )  # fmt: skip
 
@@ -185,7 +239,3 @@ def _targets(
 def posture_weight(num_joints: int) -> np.ndarray:
     """(nv,) weights of base orientation, base position (none) and joints."""
     return np.concatenate([np.full(3, UPRIGHT), np.zeros(3), np.full(num_joints, POSTURE)])
-
-
-def _with_rows(targets: TrackingTargets, rows: DistanceRows) -> TrackingTargets:
-    return replace(targets, rows=rows if len(rows.wanted) else no_rows(len(targets.com)))

@@ -23,8 +23,8 @@ from drakeplan.motion_targets import Detour, effector_targets, motion_targets, p
 from drakeplan.phases import MOVE, Schedule, make_schedule
 from drakeplan.progress import Progress, ProgressEvent
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.kinematics import Kinematics
 from optimization.posture_tracking import TrackedPostures, track_postures
+from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
 from scenes.plant import RobotPlant, build_plant
 from scenes.robot import Robot
@@ -105,6 +105,7 @@ def make_motion(
     *,
     progress: Progress | None = None,
     robot_plant: RobotPlant | None = None,
+    ik: WholeBodyIK | None = None,
 ) -> MotionResult:
     """Dynamics and motion of a contact sequence.
 
@@ -112,11 +113,12 @@ def make_motion(
         stances: consecutive ones differ in one end effector; the robot starts and ends at rest.
         progress: told what is going on.
         robot_plant: of this robot on this terrain, where the caller has one already.
+        ik: of this robot, where the caller has one already.
 
     Raises:
         ValueError: a sequence that is none (see `make_schedule`).
     """
-    maker = MotionMaker(robot, terrain, options or MotionOptions(), robot_plant)
+    maker = MotionMaker(robot, terrain, options or MotionOptions(), robot_plant, ik)
     return maker.run(stances, progress or (lambda _: None))
 
 
@@ -124,11 +126,13 @@ class MotionMaker:
     """What is prepared once for a robot on a terrain, and the repairs of one motion after the other."""
 
     def __init__(
-        self, robot: Robot, terrain: Terrain, options: MotionOptions, robot_plant: RobotPlant | None = None
-    ) -> None:
+        self, robot: Robot, terrain: Terrain, options: MotionOptions, robot_plant: RobotPlant | None = None,
+        ik: WholeBodyIK | None = None,
+    ) -> None:  # fmt: skip
         self.robot, self.terrain, self.options = robot, terrain, options
         self.robot_plant = robot_plant or build_plant(robot, terrain)
-        self.kinematics = Kinematics.from_plant(self.robot_plant.plant, [e.frame for e in robot.effectors])
+        self.ik = ik or WholeBodyIK(robot)
+        self.kinematics = self.ik.kinematics
         self.monitor = ProximityMonitor(self.robot_plant, self.kinematics)
         self.packed = pack_terrain(terrain)
         self.regions = BalanceRegions(robot, options.cone)
@@ -150,7 +154,7 @@ class MotionMaker:
     def _attempt(self, schedule: Schedule, timings: dict[str, float], tell: Progress) -> MotionResult:
         began = time.perf_counter()
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
-        keys = solve_key_postures(self.robot, self.kinematics, schedule, self.regions, self.monitor)
+        keys = solve_key_postures(self.robot, self.ik, schedule, self.regions, self.monitor)
         failed = sorted({max(b - 1, 0) // 2 for b in keys.failures()})
         trajectory = None
         reason = "no posture for " + ", ".join(f"transition {k}" for k in failed) if failed else ""
@@ -247,7 +251,7 @@ class _Frames:
 
     def _aim(self) -> None:
         X_WE, weight = effector_targets(self.schedule, self.swings, self.t, self.free)
-        self.targets = replace(self.targets, X_WE=X_WE, effector_weight=weight)
+        self.targets = replace(self.targets, X_WE=X_WE, place_weight=weight[:, :, 0], turn_weight=weight[:, :, 1])
 
     def _track(self, q: np.ndarray, *, chained: bool = False, solve: np.ndarray | None = None) -> TrackedPostures:
         return track_postures(self.tree, self.targets, q, solve=solve, chained=chained, max_iterations=12)

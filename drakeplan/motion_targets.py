@@ -13,13 +13,14 @@ from drakeplan.key_postures import COM, HOLD, posture_weight
 from drakeplan.phases import MAKE, MOVE, Schedule
 from drakeplan.swing import SwingCurve, hover, plan_swing, smooth_step
 from optimization.kinematic_tree import KinematicTree
-from optimization.posture_tracking import TrackingTargets
+from optimization.posture_tracking import LEVER, TrackingTargets
 from scenes.effector import is_foot
 from scenes.packed_terrain import PackedTerrain
 from scenes.projection import FOOT_CLEARANCE, PALM_CLEARANCE
 from scenes.robot import Robot
 
-NEAR, AIR = 100.0, 4.0  # weights of a swinging end effector beside its contacts and in the air: there the CoM leads
+NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and turn beside its contacts
+AIR = np.array([4.0, 0.5])  # and in the air, where the CoM leads and an ankle at its limit may give way
 NEARBY = 0.2  # share of the swing over which one changes into the other
 GUIDED = (0.05, 0.6)  # shares of a palm's way to its wall between which its curve takes over from the free arm
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
@@ -66,7 +67,7 @@ def plan_one_swing(
 def effector_targets(
     schedule: Schedule, swings: Sequence[SwingCurve], t: np.ndarray, free: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(T, E, 4, 4) poses and (T, E) weights of the end effectors; weight 0 where one hangs free.
+    """(T, E, 4, 4) poses of the end effectors and (T, E, 2) weights of place and turn; 0 where one hangs free.
 
     Args:
         free: (T, E, 4, 4) poses of arms that hang free. Palms on their way to or from a wall go from there to
@@ -74,7 +75,7 @@ def effector_targets(
     """
     held = schedule.contact_at(t)
     X_WE = np.tile(np.eye(4), (*held.shape, 1, 1))
-    weight = np.where(held >= 0, HOLD, 0.0)
+    weight = np.where((held >= 0)[:, :, None], HOLD * np.array([1.0, LEVER]), 0.0)
     for c, contact in enumerate(schedule.contacts):
         X_WE[held == c] = contact.X_WC
     phase = schedule.phase_at(t)
@@ -94,8 +95,9 @@ def effector_targets(
 
 
 def _swing_weight(from_contact: np.ndarray) -> np.ndarray:
-    """(n,) weight of an end effector this share of its swing away from a contact."""
-    return NEAR + (AIR - NEAR) * np.array([smooth_step(x / NEARBY) for x in from_contact])
+    """(n, 2) weights of an end effector this share of its swing away from a contact."""
+    share = np.array([smooth_step(x / NEARBY) for x in from_contact])
+    return NEAR + (AIR - NEAR) * share[:, None]
 
 
 def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray) -> np.ndarray:
@@ -146,7 +148,8 @@ def motion_targets(
     X_WE, weight = effector_targets(schedule, swings, t)
     return TrackingTargets(
         X_WE=X_WE,
-        effector_weight=weight,
+        place_weight=weight[:, :, 0],
+        turn_weight=weight[:, :, 1],
         com=com,
         com_weight=np.full((len(t), 3), COM),
         q_ref=posture_reference(schedule, key_q, t),

@@ -2,15 +2,15 @@
 
 Each frame minimises over q
 
-    sum_e w_e^2 (|p_e - p_e*|^2 + LEVER^2 |angle(R_e, R_e*)|^2)      end effectors: held (w large), swinging, or free (w = 0)
-    + |W_com (com - com*)|^2                                        centre of mass
-    + |W_q (q - q_ref)|^2                                           posture, base orientation included
-    + sum_r w_r^2 max(0, d_r* - d_r)^2                              pairs of bodies that must keep a distance
+    sum_e w_e^2 |p_e - p_e*|^2 + u_e^2 |angle(R_e, R_e*)|^2     end effectors: held (w large), swinging, free (w = 0)
+    + |W_com (com - com*)|^2                                    centre of mass
+    + |W_q (q - q_ref)|^2                                       posture, base orientation included
+    + sum_r w_r^2 max(0, d_r* - d_r)^2                          pairs of bodies that must keep a distance
     s.t.   joint limits
 
 by Gauss-Newton with the bounds kept in every step (`box_qp`). The optimum does not depend on the frames before it, only
-on q_ref, so a motion neither drifts nor jerks where the targets and q_ref are smooth: posture optimisation in the manner
-of prioritised inverse kinematics with weights (Nakamura 1991, ch. 4), solved to convergence instead of once a frame.
+on q_ref, so a motion neither drifts nor jerks where targets and q_ref are smooth: weighted inverse kinematics (Nakamura
+1991, ch. 4) solved to convergence in each frame instead of one velocity step.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from optimization.kinematic_tree import (
     rotation_error,
 )
 
-LEVER = 0.3  # [m] an angle of 1 rad counts as this distance
+LEVER = 0.3  # [m] an angle of 1 rad counts as this distance in errors
 STEP = 0.4  # [rad, m] greatest change of any unknown in one Gauss-Newton step
 DAMPING = 1e-6  # keeps the normal equations positive definite where no term sees an unknown
 CONVERGED = 2e-5  # [rad, m] a step this small ends a frame
 
 
 class DistanceRows(NamedTuple):
-    """Pairs of points that must keep a distance, frame by frame in CSR form: frame t owns rows start[t] to start[t + 1].
+    """Pairs of points that must keep a distance, in CSR form: frame t owns rows start[t] to start[t + 1].
 
     Fields: start (T + 1,); link (R, 2) the links that carry the points, -1 for the world; point (R, 2, 3) in those
-    links' frames, or in W [m]; normal (R, 3) unit vector in W from the second body to the first; wanted (R,) distance [m].
+    links' frames, or in W [m]; normal (R, 3) unit vector in W from the second body to the first; wanted (R,) [m].
     """
 
     start: np.ndarray
@@ -56,9 +56,8 @@ class DistanceRows(NamedTuple):
 
 def no_rows(num_frames: int) -> DistanceRows:
     """No pair to keep apart in any frame."""
-    return DistanceRows(
-        np.zeros(num_frames + 1, np.int64), np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros(0)
-    )
+    start = np.zeros(num_frames + 1, np.int64)
+    return DistanceRows(start, np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,8 @@ class TrackingTargets:
 
     Attributes:
         X_WE: (T, E, 4, 4) poses wanted of the end effectors.
-        effector_weight: (T, E), 0 where an end effector is free.
+        place_weight: (T, E) of their positions [1/m], 0 where an end effector is free.
+        turn_weight: (T, E) of their orientations [1/rad].
         com: (T, 3) centre of mass wanted [m].
         com_weight: (T, 3).
         q_ref: (T, nq) posture wanted.
@@ -78,7 +78,8 @@ class TrackingTargets:
     """
 
     X_WE: np.ndarray
-    effector_weight: np.ndarray
+    place_weight: np.ndarray
+    turn_weight: np.ndarray
     com: np.ndarray
     com_weight: np.ndarray
     q_ref: np.ndarray
@@ -125,13 +126,13 @@ def track_postures(
         max_iterations: of Gauss-Newton, a frame.
     """
     q = np.array(q, dtype=float)
-    T, E = targets.effector_weight.shape
+    T, E = targets.place_weight.shape
     rows = targets.rows if len(targets.rows.start) == T + 1 else no_rows(T)
     effector_error, com_error, iterations = np.zeros((T, E)), np.zeros((T, 3)), np.zeros(T, np.int64)
     _track(
         tree,
         np.ascontiguousarray(targets.X_WE, dtype=float),
-        np.ascontiguousarray(targets.effector_weight, dtype=float),
+        np.ascontiguousarray(np.stack([targets.place_weight, targets.turn_weight], axis=2), dtype=float),
         np.ascontiguousarray(targets.com, dtype=float),
         np.ascontiguousarray(targets.com_weight, dtype=float),
         np.ascontiguousarray(targets.q_ref, dtype=float),
@@ -200,7 +201,7 @@ def _normal_equations(
     R_WE, p_WE, turn, c = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     columns = np.empty(nv, np.int64)
     for e in range(effector_weight.shape[0]):
-        w = effector_weight[e]
+        w, u = effector_weight[e, 0], effector_weight[e, 1]
         effector_error[e] = 0.0
         if w <= 0.0:
             continue
@@ -211,8 +212,8 @@ def _normal_equations(
         for a in range(3):
             away += (X_WE[e, a, 3] - p_WE[a]) ** 2
             for i in range(nv):
-                row[i] = w * LEVER * J[a, i]
-            _add_row(H, g, row, w * LEVER * turn[a], columns)
+                row[i] = u * J[a, i]
+            _add_row(H, g, row, u * turn[a], columns)
             for i in range(nv):
                 row[i] = w * J[3 + a, i]
             _add_row(H, g, row, w * (X_WE[e, a, 3] - p_WE[a]), columns)
