@@ -171,14 +171,19 @@ def make_rows(m: int) -> CapsuleRows:
 
 
 @njit(cache=True)
-def _point_of_link(R, p, link, p_L, out) -> None:
+def _point_of_link(R: np.ndarray, p: np.ndarray, link: int, p_L: np.ndarray, out: np.ndarray) -> None:
     for a in range(3):
         out[a] = p[link, a] + R[link, a, 0] * p_L[0] + R[link, a, 1] * p_L[1] + R[link, a, 2] * p_L[2]
 
 
 @njit(cache=True)
-def closest_on_segments(a0, a1, b0, b1, a, b) -> float:
-    """Writes the nearest points a, b (3,) of two segments; returns their distance (Ericson 2005, sec. 5.1.9)."""
+def closest_on_segments(
+    a0: np.ndarray, a1: np.ndarray, b0: np.ndarray, b1: np.ndarray, a: np.ndarray, b: np.ndarray
+) -> float:
+    """Writes the nearest points a, b (3,) of two segments; returns their distance.
+
+    Ericson, Real-Time Collision Detection, 2005, sec. 5.1.9.
+    """
     aa, bb, ab, ar, br = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         u, v, r = a1[k] - a0[k], b1[k] - b0[k], a0[k] - b0[k]
@@ -213,7 +218,7 @@ def closest_on_segments(a0, a1, b0, b1, a, b) -> float:
 def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float, rows: CapsuleRows) -> int:
     """Finds the pairs of shapes closer than `within` [m] beyond their clearance, from the link poses of `forward`.
 
-    Each gives one entry of `rows`, for the nearest two of its capsules. Returns how many; what does not fit is left out.
+    Each gives one entry of `rows`, for the nearest two of its capsules. Returns how many; the rest is left out.
     """
     num_shapes, num_capsules = body.link.shape[0], body.radius.shape[0]
     centre = np.empty((num_shapes, 3))
@@ -248,7 +253,11 @@ def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float,
 
 
 @njit(cache=True)
-def _write_row(rows, count, pair, link_a, link_b, a, b, length, distance) -> None:
+def _write_row(
+    rows: CapsuleRows, count: int, pair: int, link_a: int, link_b: int, a: np.ndarray, b: np.ndarray, length: float,
+    distance: float,
+) -> None:  # fmt: skip
+    """Fills entry `count`: the nearest points a, b (3,) of the axes, `length` [m] apart."""
     rows.pair[count] = pair
     rows.link[count, 0], rows.link[count, 1] = link_a, link_b
     rows.distance[count] = distance

@@ -1,19 +1,36 @@
 """A dense convex quadratic program with bounds, in numba: the inner problem of every inverse kinematics step.
 
-    min  1/2 x^T H x - g^T x     s.t.  lower <= x <= upper         H symmetric positive definite, up to about 80 unknowns
+    min  1/2 x^T H x - g^T x     s.t.  lower <= x <= upper,     H symmetric positive definite, up to about 80 unknowns
 
 Block principal pivoting (Judice & Pires, Computers & Operations Research 21, 1994): guess which bounds hold with
-equality, solve for the free unknowns, move every unknown that is on the wrong side at once. Where that stops helping, a primal
-active set (Nocedal & Wright, Numerical Optimization, 2006, algorithm 16.3) walks on from the last point inside.
+equality, solve for the free unknowns, move every unknown that is on the wrong side at once. Where that stops helping, a
+primal active set (Nocedal & Wright, Numerical Optimization, 2006, algorithm 16.3) walks on from the last point inside.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 _PATIENCE = 4  # exchanges allowed without fewer misplaced unknowns
 _TOLERANCE = 1e-10  # relative to the size of the unknowns and of g
+
+
+class _Problem(NamedTuple):
+    """The program as in `solve_box_qp`, its point x, and room for a solve: A (n, n), b (n,), free (n,), wrong (n,)."""
+
+    H: np.ndarray
+    g: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    side: np.ndarray
+    x: np.ndarray
+    A: np.ndarray
+    b: np.ndarray
+    free: np.ndarray
+    wrong: np.ndarray
 
 
 @njit(cache=True)
@@ -36,7 +53,7 @@ def factor_and_solve(A: np.ndarray, b: np.ndarray, n: int) -> bool:
             for j in range(c, n):
                 row[j] *= scale
         if width == 4:
-            # Four rows at once: the trailing triangle passes through memory a quarter as often (12 us -> 3.6 us, n = 36).
+            # Four rows at once, so the trailing triangle passes through memory a quarter as often.
             r0, r1, r2, r3 = A[k], A[k + 1], A[k + 2], A[k + 3]
             for i in range(k + 4, n):
                 a0, a1, a2, a3 = r0[i], r1[i], r2[i], r3[i]
@@ -59,71 +76,71 @@ def factor_and_solve(A: np.ndarray, b: np.ndarray, n: int) -> bool:
 
 
 @njit(cache=True)
-def _solve_free(H, g, lower, upper, n, side, A, b, free, x) -> bool:
+def _solve_free(o: _Problem, n: int, x: np.ndarray) -> bool:
     """Sets x at the bounds that `side` names and to the optimum of the rest; False when that is singular."""
     num_free = 0
     for i in range(n):
-        if side[i] == 0:
-            free[num_free] = i
+        if o.side[i] == 0:
+            o.free[num_free] = i
             num_free += 1
         else:
-            x[i] = lower[i] if side[i] < 0 else upper[i]
+            x[i] = o.lower[i] if o.side[i] < 0 else o.upper[i]
     for a in range(num_free):
-        i = free[a]
-        s = g[i]
+        i = o.free[a]
+        s = o.g[i]
         for j in range(n):
-            if side[j] != 0 and x[j] != 0.0:
-                s -= (H[i, j] if i < j else H[j, i]) * x[j]
-        b[a] = s
+            if o.side[j] != 0 and x[j] != 0.0:
+                s -= (o.H[i, j] if i < j else o.H[j, i]) * x[j]
+        o.b[a] = s
         for c in range(a, num_free):
-            A[a, c] = H[i, free[c]]
-    if not factor_and_solve(A, b, num_free):
+            o.A[a, c] = o.H[i, o.free[c]]
+    if not factor_and_solve(o.A, o.b, num_free):
         return False
     for a in range(num_free):
-        x[free[a]] = b[a]
+        x[o.free[a]] = o.b[a]
     return True
 
 
 @njit(cache=True)
-def _slope(H, g, n, x, i) -> float:
-    """Derivative of the cost along unknown i."""
-    slope = -g[i]
+def _slope(o: _Problem, n: int, i: int) -> float:
+    """Derivative of the cost along unknown i, at x."""
+    slope = -o.g[i]
     for j in range(n):
-        slope += (H[i, j] if i < j else H[j, i]) * x[j]
+        slope += (o.H[i, j] if i < j else o.H[j, i]) * o.x[j]
     return slope
 
 
 @njit(cache=True)
-def _misplaced(H, g, lower, upper, n, side, x, wrong) -> int:
-    """Marks in `wrong` the side that each misplaced unknown should be on (2: where it is); returns how many there are."""
+def _misplaced(o: _Problem, n: int) -> int:
+    """Marks in `wrong` the side that each misplaced unknown should be on, 2 where it is; returns how many there are."""
     scale_x, scale_g = 1e-3, 1e-12
     for i in range(n):
-        if side[i] == 0:
-            scale_x = max(scale_x, abs(x[i]))
-        scale_g = max(scale_g, abs(g[i]))
+        if o.side[i] == 0:
+            scale_x = max(scale_x, abs(o.x[i]))
+        scale_g = max(scale_g, abs(o.g[i]))
     count = 0
     for i in range(n):
-        wrong[i] = 2
-        if side[i] == 0:
-            if x[i] < lower[i] - _TOLERANCE * scale_x:
-                wrong[i] = -1
-            elif x[i] > upper[i] + _TOLERANCE * scale_x:
-                wrong[i] = 1
-        elif lower[i] < upper[i] and _slope(H, g, n, x, i) * side[i] > _TOLERANCE * scale_g:
-            wrong[i] = 0
-        if wrong[i] != 2:
+        o.wrong[i] = 2
+        if o.side[i] == 0:
+            if o.x[i] < o.lower[i] - _TOLERANCE * scale_x:
+                o.wrong[i] = -1
+            elif o.x[i] > o.upper[i] + _TOLERANCE * scale_x:
+                o.wrong[i] = 1
+        elif o.lower[i] < o.upper[i] and _slope(o, n, i) * o.side[i] > _TOLERANCE * scale_g:
+            o.wrong[i] = 0
+        if o.wrong[i] != 2:
             count += 1
     return count
 
 
 @njit(cache=True)
-def _exchange_blocks(H, g, lower, upper, n, side, A, b, free, wrong, x, budget) -> int:
+def _exchange_blocks(o: _Problem, n: int, budget: int) -> int:
     """Block principal pivoting; returns the factorisations used, negative when it stopped helping."""
     fewest, patience = n + 1, _PATIENCE
     for k in range(budget):
-        if not _solve_free(H, g, lower, upper, n, side, A, b, free, x):
+        if not _solve_free(o, n, o.x):
             return -k - 1
-        count = _misplaced(H, g, lower, upper, n, side, x, wrong)
+        count = _misplaced(o, n)
         if count == 0:
             return k + 1
         if count < fewest:
@@ -133,41 +150,42 @@ def _exchange_blocks(H, g, lower, upper, n, side, A, b, free, wrong, x, budget) 
             if patience == 0:
                 return -k - 1
         for i in range(n):
-            if wrong[i] != 2:
-                side[i] = wrong[i]
+            if o.wrong[i] != 2:
+                o.side[i] = o.wrong[i]
     return -budget
 
 
 @njit(cache=True)
-def _walk_along_faces(H, g, lower, upper, n, side, A, b, free, wrong, x, budget) -> int:
-    """Primal active set from the x that is inside the bounds: the cost never rises; returns factorisations, or -budget."""
+def _walk_along_faces(o: _Problem, n: int, budget: int) -> int:
+    """Primal active set from an x inside the bounds: the cost never rises; returns the factorisations, or -budget."""
     y = np.empty(n)
     for i in range(n):
-        side[i] = -1 if x[i] <= lower[i] else (1 if x[i] >= upper[i] else 0)
+        o.side[i] = -1 if o.x[i] <= o.lower[i] else (1 if o.x[i] >= o.upper[i] else 0)
     for k in range(budget):
-        if not _solve_free(H, g, lower, upper, n, side, A, b, free, y):
+        if not _solve_free(o, n, y):
             return -budget
         step, blocking = 1.0, -1
         for i in range(n):
-            if side[i] == 0 and (y[i] < lower[i] or y[i] > upper[i]):
-                fraction = ((lower[i] if y[i] < lower[i] else upper[i]) - x[i]) / (y[i] - x[i])
+            if o.side[i] == 0 and (y[i] < o.lower[i] or y[i] > o.upper[i]):
+                bound = o.lower[i] if y[i] < o.lower[i] else o.upper[i]
+                fraction = (bound - o.x[i]) / (y[i] - o.x[i])
                 if fraction < step:
                     step, blocking = fraction, i
         for i in range(n):
-            x[i] += step * (y[i] - x[i])
+            o.x[i] += step * (y[i] - o.x[i])
         if blocking >= 0:
-            side[blocking] = -1 if y[blocking] < lower[blocking] else 1
-            x[blocking] = lower[blocking] if side[blocking] < 0 else upper[blocking]
+            o.side[blocking] = -1 if y[blocking] < o.lower[blocking] else 1
+            o.x[blocking] = o.lower[blocking] if o.side[blocking] < 0 else o.upper[blocking]
             continue
-        if _misplaced(H, g, lower, upper, n, side, x, wrong) == 0:
+        if _misplaced(o, n) == 0:
             return k + 1
         worst, released = 0.0, -1
         for i in range(n):
-            if wrong[i] == 0 and abs(_slope(H, g, n, x, i)) > worst:
-                worst, released = abs(_slope(H, g, n, x, i)), i
+            if o.wrong[i] == 0 and abs(_slope(o, n, i)) > worst:
+                worst, released = abs(_slope(o, n, i)), i
         if released < 0:
             return k + 1
-        side[released] = 0
+        o.side[released] = 0
     return -budget
 
 
@@ -187,12 +205,12 @@ def solve_box_qp(
         x: (>= n,) answer, always finite and within the bounds, also when the return value is -1.
         budget: factorisations allowed.
     """
-    A, b = np.empty((n, n)), np.empty(n)
     free, wrong = np.empty(n, np.int64), np.empty(n, np.int64)
-    used = _exchange_blocks(H, g, lower, upper, n, side, A, b, free, wrong, x, budget)
+    problem = _Problem(H, g, lower, upper, side, x, np.empty((n, n)), np.empty(n), free, wrong)
+    used = _exchange_blocks(problem, n, budget)
     _clip(x, lower, upper, n)
     if used < 0 and -used < budget:
-        walked = _walk_along_faces(H, g, lower, upper, n, side, A, b, free, wrong, x, budget + used)
+        walked = _walk_along_faces(problem, n, budget + used)
         _clip(x, lower, upper, n)
         used = walked - used if walked > 0 else -1
     return used if used > 0 else -1

@@ -99,7 +99,7 @@ def add_frame_task(
 
 
 @njit(cache=True)
-def _cross(ax, ay, az, rx, ry, rz, column) -> None:
+def _cross(ax: float, ay: float, az: float, rx: float, ry: float, rz: float, column: np.ndarray) -> None:
     """Writes a x r to entries 3 to 5."""
     column[3], column[4], column[5] = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
 
@@ -120,7 +120,7 @@ def add_row(row: np.ndarray, error: float, weight: float, program: StepProgram) 
 
 @njit(cache=True)
 def add_inequality(row: np.ndarray, bound: float, weight: float, num_rows: int, program: StepProgram) -> int:
-    """Adds row v >= bound as number `num_rows`, row (nv,); returns how many there are now. A full program ignores it."""
+    """Adds row v >= bound as number `num_rows`, row (nv,); returns how many there are. A full program ignores it."""
     n = row.shape[0]
     s = n + num_rows
     if s >= program.g.shape[0]:
@@ -145,7 +145,7 @@ def add_diagonal(i: int, error: float, weight: float, program: StepProgram) -> N
 
 @njit(cache=True)
 def predicted_gain(program: StepProgram, num_velocities: int, m: int, length: float) -> float:
-    """How much sum_k w_k^2 |r_k|^2 should fall along `length` of the answer x, if the task were as linear as the rows say.
+    """How much sum_k w_k^2 |r_k|^2 should fall along `length` of the answer x, were the tasks as linear as the rows.
 
     A step of nothing leaves each inequality's slack at what is satisfied already, so the comparison starts there.
     """

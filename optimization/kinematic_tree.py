@@ -188,7 +188,9 @@ def com_jacobian(tree: KinematicTree, R: np.ndarray, p: np.ndarray, com: np.ndar
 
 
 @njit(cache=True)
-def _carried_inertia(tree: KinematicTree, R: np.ndarray, p: np.ndarray, m: np.ndarray, s: np.ndarray, H: np.ndarray):
+def _carried_inertia(
+    tree: KinematicTree, R: np.ndarray, p: np.ndarray, m: np.ndarray, s: np.ndarray, H: np.ndarray
+) -> None:
     """Writes what each joint carries: mass m (n,), first moment s (n, 3) and inertia H (n, 3, 3) about p_WB, in W."""
     n = tree.parent.shape[0]
     T = np.empty((3, 3))

@@ -1,12 +1,12 @@
 """The kinematics of any floating-base robot that Drake has loaded, read once and evaluated in microseconds.
 
-`Kinematics.from_plant` reads a finalized MultibodyPlant into the arrays of `optimization.kinematic_tree`, whose numba
-functions agree with Drake to rounding. The class serves Python; kernels take `Kinematics.tree` and call those functions.
+`Kinematics.from_plant` reads a finalized MultibodyPlant into the arrays of `optimization.kinematic_tree`, whose
+numba functions agree with Drake to rounding. The class serves Python; kernels take `Kinematics.tree` and call those.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -258,7 +258,9 @@ def _frame_with_z(axis: np.ndarray) -> np.ndarray:
     return X
 
 
-def _link_inertias(plant: MultibodyPlant, n: int, attached) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _link_inertias(
+    plant: MultibodyPlant, n: int, attached: Iterable[_Attached]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mass (n,), centre of mass (n, 3) and inertia about it (n, 3, 3) of the links, their bodies summed, in L."""
     context = plant.CreateDefaultContext()
     mass, moment, about_L = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
