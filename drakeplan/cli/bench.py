@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +16,7 @@ from scenes.input_error import InputError, unknown_name
 if TYPE_CHECKING:
     from drakeplan.bench.table import BenchTable
 
-NAMES = "\n".join(f"  {name:<8}  {about}" for name, about in BENCHES.items())
+NAMES = "\n".join(f"  {name:<9}  {about}" for name, about in BENCHES.items())
 ABOUT = f"""Runs one benchmark or all of them.
 
 Every run is appended to a SQLite file; where there is a folder docs, its benchmarks.md gets the new table.
@@ -68,9 +68,7 @@ def run(arguments: Arguments) -> int:
         from drakeplan.bench.table import machine
         from drakeplan.cli.output import print_json
 
-        facts = [
-            {"name": t.name, "title": t.title, "columns": t.columns, "rows": t.rows, "notes": t.notes} for t in tables
-        ]
+        facts = [asdict(table) for table in tables]
         print_json({"machine": machine(), "seeds": arguments.seeds, "robot": arguments.robot, "tables": facts})
     return 0
 

@@ -122,7 +122,7 @@ def run(arguments: Arguments) -> int:
     elif result.plan is not None:
         print(_summary(report))
     if not complete:
-        print(f"drakeplan: no plan: {result.reason}", file=sys.stderr)
+        print(f"drakeplan: no complete plan: {result.reason}", file=sys.stderr)
     return 0 if complete else 3
 
 
