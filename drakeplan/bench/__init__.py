@@ -8,5 +8,6 @@ BENCHES = {
     "scenes": "verdicts of the verifier for every named scene and the meshes of hpp-environments",
     "command": "whole command from process start to files written: time and memory",
     "scale": "growth with the number of surfaces and with the distance",
+    "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
     "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",
 }
