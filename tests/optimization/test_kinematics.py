@@ -19,6 +19,10 @@ from pydrake.multibody.tree import (
 
 from optimization.kinematic_tree import rotation_error
 from optimization.kinematics import Kinematics
+from scenes.plant import build_plant
+from scenes.robot import load_robot
+from scenes.surface import Surface
+from scenes.terrain import Terrain
 
 ATOL = 1e-12  # both sides round in a different order; lengths are of the order of a metre
 FRAMES = ("frame_0", "frame_1", "frame_2")
@@ -203,3 +207,29 @@ def test_a_vector_of_the_wrong_size_is_refused():
     kinematics = Kinematics.from_plant(random_tree(np.random.default_rng(1), 4), ())
     with pytest.raises(ValueError, match="expected"):
         kinematics.com(np.zeros(kinematics.num_positions + 1))
+
+
+@pytest.mark.parametrize("name", ["escher", "jvrc1"])
+def test_every_quantity_equals_drake_on_the_robots(name):
+    if name == "jvrc1":
+        pytest.importorskip("jvrc_description")
+    robot = load_robot(name)
+    plant = build_plant(robot).plant
+    kinematics = Kinematics.from_plant(plant, [e.frame for e in robot.effectors])
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        q = random_positions(rng, plant)
+        q[7:] = rng.uniform(kinematics.tree.lower, kinematics.tree.upper)
+        assert_equals_drake(plant, kinematics, q)
+    assert kinematics.total_mass == pytest.approx(robot.mass, rel=1e-9)
+    for i, joint in enumerate(kinematics.joint_names):
+        assert plant.GetJointByName(joint).velocity_start() == 6 + i
+
+
+def test_terrain_around_the_robot_changes_nothing():
+    robot = load_robot("escher")
+    floor = Surface("floor", np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
+    alone = Kinematics.from_plant(build_plant(robot).plant, ["left_foot"])
+    around = Kinematics.from_plant(build_plant(robot, Terrain((floor,))).plant, ["left_foot"])
+    for a, b in zip(alone.tree, around.tree, strict=True):
+        np.testing.assert_array_equal(a, b)
