@@ -27,19 +27,16 @@ from optimization.patch_simplex import (
     MAX_PIVOTS,
     PIVOT,
     WRENCH,
-    Basis,
-    Patches,
     best_column,
     find_feasible,
     leaving_row,
-    new_basis,
     next_column,
-    num_generators,
+    pack,
     pivot,
-    set_wrench,
     shift_right_hand_side,
     transform,
     transform_moving,
+    wrench,
 )
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
@@ -50,6 +47,7 @@ if TYPE_CHECKING:
 
 MAX_WALK = 2000  # pivots of one polygon; 4 contacts under the 16-gon take 100
 DISTINCT = 1e-9  # [m] vertices that stand out less than this are left out
+COARSER = 1e-5  # [m] where thinning starts once there are too many
 ROOM = 256  # vertices of a friendly polygon at most
 
 
@@ -72,26 +70,6 @@ class ContactArrays(NamedTuple):
 
 
 @njit(cache=True)
-def _recentred(
-    p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray
-) -> tuple[Patches, float, float, bool]:
-    """(patches seen from the mean contact point, its x, its y, whether all numbers are finite and there are any)."""
-    n = p_WC.shape[0]
-    p = np.empty((n, 3))
-    x, y, z, finite = 0.0, 0.0, 0.0, 0.0
-    for c in range(n):
-        x += p_WC[c, 0]
-        y += p_WC[c, 1]
-        z += p_WC[c, 2]
-    for c in range(n):
-        p[c, 0], p[c, 1], p[c, 2] = p_WC[c, 0] - x / n, p_WC[c, 1] - y / n, p_WC[c, 2] - z / n
-        finite += 0.0 * (p[c, 0] + p[c, 1] + p[c, 2] + half[c, 0] + half[c, 1] + force_limit[c])
-        for k in range(3):
-            finite += 0.0 * (R_WC[c, k, 0] + R_WC[c, k, 1] + R_WC[c, k, 2])
-    return Patches(p, R_WC, half, generators, force_limit), x / max(n, 1), y / max(n, 1), n > 0 and finite == 0.0
-
-
-@njit(cache=True)
 def is_balanced(
     p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray,
     com_xy: np.ndarray,
@@ -107,10 +85,16 @@ def is_balanced(
     Returns:
         False also when there is no contact or any number is not finite.
     """
-    patches, x, y, usable = _recentred(p_WC, R_WC, half, generators, force_limit)
+    contacts, x, y, usable = pack(p_WC, R_WC, half, generators, force_limit)
     if not usable or not np.isfinite(com_xy[0] + com_xy[1]):
         return False
-    return find_feasible(patches, new_basis(WRENCH, p_WC.shape[0]), WRENCH, com_xy[0] - x, com_xy[1] - y)
+    T, basic, w = _new_basis(WRENCH + contacts.shape[0])
+    return find_feasible(contacts, generators, force_limit, com_xy[0] - x, com_xy[1] - y, T, basic, w)
+
+
+@njit(cache=True)
+def _new_basis(m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros((m + 2, m + 2)), np.empty(m, np.int64), np.empty(m + 2)
 
 
 @njit(cache=True)
@@ -128,16 +112,16 @@ def com_polygon(
     Returns:
         Number of vertices: 0 nowhere (also without contacts or where a number is not finite), 1 a point, 2 a segment.
     """
-    patches, x, y, usable = _recentred(p_WC, R_WC, half, generators, force_limit)
+    contacts, x, y, usable = pack(p_WC, R_WC, half, generators, force_limit)
     if not usable or out.shape[0] == 0:
         return 0
-    basis = new_basis(4, p_WC.shape[0])
-    if not find_feasible(patches, basis, 4, 0.0, 0.0):
+    T, basic, w = _new_basis(4 + contacts.shape[0])
+    if not find_feasible(contacts, generators, force_limit, 0.0, 0.0, T, basic, w):
         return 0
-    _drop_artificial(patches, basis)
-    _set_objectives(patches, basis)
+    _drop_artificial(contacts, generators, T, basic, w)
+    _set_objectives(contacts, generators, T, basic)
     path = np.empty((MAX_WALK, 2))
-    count = _walk_around(patches, basis, path)
+    count = _walk_around(contacts, generators, T, basic, w, path)
     count = _thin(path, count, out)
     for i in range(count):
         out[i, 0] += x
@@ -146,45 +130,50 @@ def com_polygon(
 
 
 @njit(cache=True)
-def _drop_artificial(patches: Patches, basis: Basis) -> None:
+def _drop_artificial(
+    contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray
+) -> None:
     """Exchanges artificial columns at zero for real ones; a row that has none is redundant and stays as it is."""
-    T, m, n = basis.T, basis.column.shape[0], patches.limit.shape[0]
+    n = contacts.shape[0]
     y = np.zeros(WRENCH + n)
-    T[m:] = 0.0
-    for i in range(m):
-        if basis.column[i] < num_generators(patches) + n:
+    for i in range(4 + n):
+        if basic[i] < 4 * n * generators.shape[1] + n:
             continue
         chosen, size = -1, PIVOT
         for sign in (1.0, -1.0):
-            y[:4] = sign * T[i, :4]
-            y[WRENCH:] = sign * T[i, 4:m]
-            j = best_column(patches, y)
+            for k in range(4):
+                y[k] = sign * T[i, k]
+            for k in range(n):
+                y[WRENCH + k] = sign * T[i, 4 + k]
+            j = best_column(contacts, generators, y)
             if j >= 0:
-                transform(patches, basis, 4, j)
-                if abs(basis.entering[i]) > size:
-                    chosen, size = j, abs(basis.entering[i])
+                transform(contacts, generators, T, w, j)
+                if abs(w[i]) > size:
+                    chosen, size = j, abs(w[i])
         if chosen >= 0:
-            transform(patches, basis, 4, chosen)
-            pivot(basis, i, chosen)
-    shift_right_hand_side(basis)
+            transform(contacts, generators, T, w, chosen)
+            pivot(T, basic, w, i, chosen)
+    shift_right_hand_side(T)
 
 
 @njit(cache=True)
-def _set_objectives(patches: Patches, basis: Basis) -> None:
-    """Fills the objective rows with minus the multipliers of the CoM's x and y; their right-hand sides are -x and -y."""
-    T, m, a = basis.T, basis.column.shape[0], basis.wrench
-    T[m:] = 0.0
+def _set_objectives(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray) -> None:
+    """Fills the objective rows with minus the multipliers of the CoM's x and y; their right-hand side is (-x, -y)."""
+    m = basic.shape[0]
+    for k in range(m + 2):
+        T[m, k], T[m + 1, k] = 0.0, 0.0
     for i in range(m):
-        if basis.column[i] < num_generators(patches):
-            set_wrench(patches, basis.column[i], a)
-            T[m] -= a[4] * T[i]
-            T[m + 1] -= a[5] * T[i]
+        if basic[i] < 4 * contacts.shape[0] * generators.shape[1]:
+            a = wrench(contacts, generators, basic[i])
+            for k in range(m + 2):
+                T[m, k] -= a[4] * T[i, k]
+                T[m + 1, k] -= a[5] * T[i, k]
 
 
 @njit(cache=True)
-def _point_multipliers(basis: Basis, ux: float, uy: float, y: np.ndarray) -> None:
+def _multipliers(T: np.ndarray, ux: float, uy: float, y: np.ndarray) -> None:
     """Multipliers of the objective ux x + uy y over the six rows and the limits."""
-    T, m = basis.T, basis.column.shape[0]
+    m = T.shape[0] - 2
     for k in range(4):
         y[k] = ux * T[m, k] + uy * T[m + 1, k]
     y[4], y[5] = ux, uy
@@ -193,34 +182,36 @@ def _point_multipliers(basis: Basis, ux: float, uy: float, y: np.ndarray) -> Non
 
 
 @njit(cache=True)
-def _walk_around(patches: Patches, basis: Basis, path: np.ndarray) -> int:
+def _walk_around(
+    contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray, path: np.ndarray
+) -> int:
     """Writes the vertices met while the direction u turns once to the left; 0 if the walk fails to close.
 
     u starts at an optimum. The column of the next edge enters; its reduced costs (rx, ry) are that edge's direction, so
     u becomes (ry, -rx), the edge's outward normal.
     """
-    T, m, w = basis.T, basis.column.shape[0], basis.entering
+    m = basic.shape[0]
     y, z = np.empty(WRENCH + m - 4), np.empty(WRENCH + m - 4)
     ux, uy = 0.8, 0.6
     for _ in range(MAX_PIVOTS):
-        _point_multipliers(basis, ux, uy, y)
-        j = best_column(patches, y)
+        _multipliers(T, ux, uy, y)
+        j = best_column(contacts, generators, y)
         if j < 0:
             break
-        transform_moving(patches, basis, j)
-        row = leaving_row(basis)
+        transform_moving(contacts, generators, T, w, j)
+        row = leaving_row(T, w)
         if row < 0:
             return 0
-        pivot(basis, row, j)
+        pivot(T, basic, w, row, j)
     path[0, 0], path[0, 1] = -T[m, m], -T[m + 1, m]
     count, turned = 1, 0.0
     while count < path.shape[0]:
-        _point_multipliers(basis, ux, uy, y)
-        _point_multipliers(basis, -uy, ux, z)
-        j = next_column(patches, y, z)
+        _multipliers(T, ux, uy, y)
+        _multipliers(T, -uy, ux, z)
+        j = next_column(contacts, generators, y, z)
         vx, vy = -uy, ux
         if j >= 0:
-            transform_moving(patches, basis, j)
+            transform_moving(contacts, generators, T, w, j)
             length = np.sqrt(w[m] * w[m] + w[m + 1] * w[m + 1])
             vx, vy = w[m + 1] / length, -w[m] / length
         turned += max(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy), 0.0)
@@ -228,10 +219,10 @@ def _walk_around(patches: Patches, basis: Basis, path: np.ndarray) -> int:
             return count
         ux, uy = vx, vy
         if j >= 0:
-            row = leaving_row(basis)
+            row = leaving_row(T, w)
             if row < 0:
                 return 0
-            pivot(basis, row, j)
+            pivot(T, basic, w, row, j)
             path[count, 0], path[count, 1] = -T[m, m], -T[m + 1, m]
             count += 1
     return 0
@@ -242,43 +233,44 @@ def _thin(path: np.ndarray, count: int, out: np.ndarray) -> int:
     """Copies a convex path into `out` without repetitions and points on edges, coarser until it fits."""
     slack, kept = DISTINCT, 0
     while count > 0:
-        kept, last = 1, 0
-        out[0] = path[0]
-        fits = True
+        kept, last, fits = 1, 0, True
+        out[0, 0], out[0, 1] = path[0, 0], path[0, 1]
         for i in range(1, count):
-            after = path[(i + 1) % count]
-            if not _stands_out(path, last + 1, i, out[kept - 1], after, slack):
+            after = i + 1 if i + 1 < count else 0
+            if not _stands_out(path, last + 1, i, last, after, slack):
                 continue
             if kept == out.shape[0]:
                 fits = False
                 break
-            out[kept] = path[i]
+            out[kept, 0], out[kept, 1] = path[i, 0], path[i, 1]
             kept, last = kept + 1, i
         if fits:
             break
-        slack = max(4.0 * slack, 1e-5)
-    if kept > 2 and _distance(out[0], out[kept - 1], out[1]) <= DISTINCT:
-        out[: kept - 1] = out[1:kept].copy()
+        slack = max(4.0 * slack, COARSER)
+    if kept > 2 and _distance(out[0, 0], out[0, 1], out, kept - 1, 1) <= DISTINCT:
         kept -= 1
+        for i in range(kept):
+            out[i, 0], out[i, 1] = out[i + 1, 0], out[i + 1, 1]
     return kept
 
 
 @njit(cache=True)
-def _stands_out(path: np.ndarray, first: int, last: int, a: np.ndarray, b: np.ndarray, slack: float) -> bool:
-    """Whether leaving out path[first] to path[last] for the segment a b would cost more than `slack`."""
-    for i in range(first, last + 1):
-        if _distance(path[i], a, b) > slack:
+def _stands_out(path: np.ndarray, first: int, last: int, a: int, b: int, slack: float) -> bool:
+    """Whether replacing path[first] to path[last] by the segment path[a] path[b] would cost more than `slack`."""
+    for i in range(first, last + 1):  # noqa: SIM110 (compiled: no generators)
+        if _distance(path[i, 0], path[i, 1], path, a, b) > slack:
             return True
     return False
 
 
 @njit(cache=True)
-def _distance(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """Distance of a point from a segment in the plane [m]."""
-    ex, ey, px, py = b[0] - a[0], b[1] - a[1], p[0] - a[0], p[1] - a[1]
+def _distance(x: float, y: float, points: np.ndarray, a: int, b: int) -> float:
+    """Distance of (x, y) from the segment points[a] points[b] in the plane [m]."""
+    ex, ey = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    px, py = x - points[a, 0], y - points[a, 1]
     length2 = ex * ex + ey * ey
     t = min(max((px * ex + py * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
-    return np.hypot(px - t * ex, py - t * ey)
+    return np.sqrt((px - t * ex) ** 2 + (py - t * ey) ** 2)
 
 
 @njit(cache=True)
@@ -289,13 +281,12 @@ def polygon_margin(polygon: np.ndarray, count: int, x: float, y: float) -> float
         polygon: (V, 2) counter-clockwise vertices; the first `count` are real. A point (1) or a segment (2) has no
             inside; no polygon at all (0) is infinitely far.
     """
-    p = np.array((x, y))
     nearest, inside = np.inf, count > 2
-    for i in range(count):
-        a, b = polygon[i], polygon[(i + 1) % count]
-        nearest = min(nearest, _distance(p, a, b))
-        if (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) < 0.0:
-            inside = False
+    for a in range(count):
+        b = a + 1 if a + 1 < count else 0
+        nearest = min(nearest, _distance(x, y, polygon, a, b))
+        ex, ey = polygon[b, 0] - polygon[a, 0], polygon[b, 1] - polygon[a, 1]
+        inside = inside and ex * (y - polygon[a, 1]) - ey * (x - polygon[a, 0]) >= 0.0
     return nearest if inside else -nearest
 
 
