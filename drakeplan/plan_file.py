@@ -190,7 +190,8 @@ def _feet_mean(plan: Plan, stance: int) -> np.ndarray:
 def _plan_bytes(plan: Plan) -> bytes:
     """The whole file in memory: HDF5 seeks back and forth, so it must not do that where others can see."""
     image = io.BytesIO()
-    with h5py.File(image, "w") as file:
+    # Formats from 1.10 on have checksums on their metadata: without them HDF5 crashes on some damaged files.
+    with h5py.File(image, "w", libver=("v110", "v110")) as file:
         for key, value in _attributes(plan).items():
             if isinstance(value, str) and len(value.encode()) > MAX_ATTRIBUTE:
                 raise InputError(f"plan file: {key} is longer than {MAX_ATTRIBUTE} bytes")
