@@ -20,6 +20,8 @@ from pydrake.solvers import (
 
 from optimization import piqp_adapter
 from optimization.centroidal_check import violations
+from optimization.centroidal_cost import cost_terms
+from optimization.centroidal_explanation import explain
 from optimization.centroidal_guess import guess_com, guess_loads
 from optimization.centroidal_model import CentroidalModel
 from optimization.centroidal_options import (
@@ -28,12 +30,12 @@ from optimization.centroidal_options import (
     GRAVITY,
     LEAST_PRESSURE_LOAD,
     PENALTY,
-    REFERENCE_STEP,
     UP,
     CentroidalOptions,
 )
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory, WrenchIntegrator
+from optimization.com_bounds import final_box, height_bounds
 from optimization.contact_wrench import CornerForces, pressure_residuals, skew
 from optimization.friction import cone_index
 from optimization.gauss_newton import minimise
@@ -336,12 +338,12 @@ class CentroidalProgram:
     def _add_com_bounds(self) -> None:
         """Height over the feet in contact, box around the reference, final box, and room for `bound_step`."""
         problem, infinite = self.problem, np.array(np.inf)
-        low, high = (bound - self.origin[2] for bound in self.height_bounds())
+        low, high = (bound - self.origin[2] for bound in height_bounds(problem, self.options))
         self._add_bounds("com height", self.com[:, 2], low, high)
         if problem.com_box is not None and problem.com_reference is not None:
             centre, half = problem.com_reference[1:] - self.origin, problem.com_box[1:]
             self._add_bounds("com box", self.com, centre - half, centre + half)
-        final = self.final_box()
+        final = final_box(problem, self.options)
         if final is not None:
             self._add_bounds("final com box", self.com[-1], final[0] - self.origin, final[1] - self.origin)
         self._step = self._add_bounds("com step", self.com, -infinite, infinite)
@@ -352,26 +354,9 @@ class CentroidalProgram:
             self._add_bounds("rest: linear momentum", self.v[-1], np.zeros(3), np.zeros(3))
             self._add_soft_limit("rest: angular momentum", self.index["k"][-1:], self.index["s_end"], np.zeros(3))
 
-    def height_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N-1,) least and greatest CoM height at knots 1..N-1 [m]; infinite while no foot is in contact."""
-        ground = self.problem.schedule.feet_mean()[:, 2]
-        low, _, high = self.options.com_height
-        known = np.isfinite(ground)
-        return np.where(known, ground + low, -np.inf), np.where(known, ground + high, np.inf)
-
-    def final_box(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """(3,) lower and upper corner of the box in which the CoM must end [m], or None."""
-        half = self.options.final_half_width
-        feet = self.problem.schedule.feet_mean()
-        known = np.flatnonzero(np.isfinite(feet[:, 0]))
-        if half is None or not len(known):
-            return None
-        centre = feet[known[-1]] + self.options.com_height[1] * UP
-        return centre - np.asarray(half), centre + np.asarray(half)
-
     def _add_costs(self) -> None:
         """One diagonal quadratic cost for each interval, over its state, its contacts and their residuals."""
-        diagonal, target = self._cost_terms()
+        diagonal, target = cost_terms(self.problem, self.options.weights, self.index, self.interval, self.num_vars)
         self.cost_diagonal, self.cost_target = diagonal, target
         first = np.searchsorted(self.interval, np.arange(len(self.dt) + 1))
         state = np.concatenate([self.index[name] for name in ("com", "v", "k", "a", "kdot")], axis=1)
@@ -382,29 +367,6 @@ class CentroidalProgram:
             w, goal = 2 * diagonal[index], target[index]
             cost = self.prog.AddQuadraticCost(np.diag(w), -w * goal, 0.5 * (w @ goal**2), self._x[index], True)
             cost.evaluator().set_description(f"effort[{n}]")
-
-    def _cost_terms(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) weight and target of each variable: the scaled cost is sum weight (x - target)^2."""
-        w, problem, index = self.options.weights, self.problem, self.index
-        diagonal, target = np.zeros(self.num_vars), np.zeros(self.num_vars)
-        step = (COST_SCALE * self.dt / REFERENCE_STEP)[:, None]
-        moment = (self.weight * ARM) ** 2
-        diagonal[index["v"]] = step * w.linear_momentum * problem.mass**2
-        diagonal[index["a"]] = step * w.linear_momentum_rate * self.weight**2
-        diagonal[index["k"]] = step * w.angular_momentum * moment
-        diagonal[index["kdot"]] = step * w.angular_momentum_rate * moment
-        if problem.angular_momentum_reference is not None:
-            reference = problem.angular_momentum_reference / (self.weight * ARM)
-            target[index["k"]] = reference[1:]
-            target[index["kdot"]] = np.diff(reference, axis=0) / self.dt[:, None]
-        if problem.com_reference is not None:
-            diagonal[index["com"]] = step * w.com_tracking
-            target[index["com"]] = problem.com_reference[1:] - self.origin
-        each = step[self.interval]
-        lateral = w.force + w.lateral_force
-        diagonal[index["wrench"]] = each * np.array([lateral, lateral, w.force, 0, 0, 0])
-        diagonal[index["z"]] = each * np.array([w.pressure_centre, w.pressure_centre, w.torque * moment])
-        return diagonal, target
 
     def solve(self) -> CentroidalEstimate:
         """Solves from the first guess and checks the answer on the numbers that would be written to a plan."""
@@ -421,7 +383,7 @@ class CentroidalProgram:
         )
         point = outcome.point
         if point is None:
-            return CentroidalEstimate(False, np.inf, "no forces move the CoM as required", outcome.records, None)
+            return CentroidalEstimate(False, np.inf, explain(self), outcome.records, None)
         force, moment = point.wrench[:, :3], ARM * point.wrench[:, 3:]
         trajectory = self.integrator.trajectory(self.problem.schedule, force, moment, self.problem.mass)
         found = violations(self.problem, options, trajectory)

@@ -29,7 +29,7 @@ class CornerForces:
         arm: moments are written in (unit of force) x arm [m].
 
     Attributes:
-        map: (J, 6, 12) from the corner forces, corner after corner, to the wrench (f, m / arm) about the patch's centre.
+        map: (J, 6, 12) from the corner forces, one after another, to the wrench (f, m / arm).
         rows: (J, R, 3) faces of the (polyhedral) cone: rows @ f <= 0 for each corner force.
     """
 
@@ -49,7 +49,7 @@ class CornerForces:
         return np.einsum("jab,jb->ja", self.map, forces.reshape(-1, 12))
 
     def project(self, forces: np.ndarray) -> np.ndarray:
-        """Corner forces (J, 4, 3) with what sticks out of the cone cut off, tangentially, so that all are admissible."""
+        """Corner forces (J, 4, 3) with the tangential part that sticks out of the cone cut off."""
         normal = np.maximum(forces[..., 2:], 0.0)
         tangent = forces[..., :2]
         if self.cone == "second_order":
@@ -68,7 +68,7 @@ def pressure_residuals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Centre of pressure over the patch's lengths and normal torque there, with their derivatives.
 
-    cop = (-m_y, m_x) / f_z and tau = m_z + (m_x f_x + m_y f_y) / f_z, where a load f_z below `least_load` counts as that.
+    cop = (-m_y, m_x) / f_z and tau = m_z + (m_x f_x + m_y f_y) / f_z; f_z counts as `least_load` at least.
 
     Args:
         wrench: (J, 6) force and moment over `arm` about the patch's centre, in the contact frames.
