@@ -66,8 +66,8 @@ def smallest_relaxation(
             cones_seen[name] += 1
         else:
             _widen_rows(relaxed, binding, slack[name], may_give[name].group)
-    everything = np.concatenate(list(slack.values()))
-    prices = np.concatenate([np.full(len(slack[name]), each.price) for name, each in may_give.items()])
+    everything = np.concatenate([np.zeros(0, object), *slack.values()])
+    prices = np.concatenate([np.zeros(0), *(np.full(len(slack[name]), each.price) for name, each in may_give.items())])
     relaxed.AddBoundingBoxConstraint(0.0, np.inf, everything)
     relaxed.AddLinearCost(prices, 0.0, everything)
     x, record = ConvexSolver(relaxed, SolverSettings(solver="clarabel")).solve()

@@ -136,9 +136,10 @@ class ProgramReader:
         if costs or self._costs is None:
             self._costs = self._read_costs()
         lower, upper = np.full(self._n, -np.inf), np.full(self._n, np.inf)
-        for evaluator, index in self._bounds:
-            np.maximum.at(lower, index, evaluator.lower_bound())
-            np.minimum.at(upper, index, evaluator.upper_bound())
+        with np.errstate(invalid="ignore"):  # a NaN passes through, for `non_finite` to find
+            for evaluator, index in self._bounds:
+                np.maximum.at(lower, index, evaluator.lower_bound())
+                np.minimum.at(upper, index, evaluator.upper_bound())
         return QuadraticProgram(*self._costs, self._equalities.read(), self._inequalities.read(), lower, upper)
 
     def _read_costs(self) -> tuple[sp.csc_matrix, np.ndarray, float]:

@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.solvers import ClarabelSolver, CommonSolverOption, MathematicalProgram, SolverOptions
+from pydrake.solvers import Binding, ClarabelSolver, CommonSolverOption, MathematicalProgram, SolverOptions
 
 from optimization import piqp_adapter
 from optimization.quadratic_program import ProgramReader, QuadraticProgram, is_quadratic
@@ -156,7 +156,7 @@ def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, st
     return worst, name
 
 
-def _excess(prog: MathematicalProgram, binding, x: np.ndarray) -> float:
+def _excess(prog: MathematicalProgram, binding: Binding, x: np.ndarray) -> float:
     evaluator = binding.evaluator()
     if type(evaluator).__name__ == "LorentzConeConstraint":
         z = evaluator.A() @ x[prog.FindDecisionVariableIndices(binding.variables())] + evaluator.b()

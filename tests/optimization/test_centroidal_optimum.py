@@ -1,0 +1,103 @@
+"""The optimum of the centroidal program, certified by an independent optimiser and by steps away from it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from optimization.centroidal import CentroidalProgram
+from optimization.centroidal_model import CentroidalModel
+from optimization.centroidal_options import CentroidalOptions, CentroidalWeights
+from optimization.centroidal_problem import CentroidalProblem
+from optimization.contact_schedule import ContactSchedule
+from optimization.friction import wrench_rows
+from optimization.gauss_newton import minimise
+from optimization.solvers import ConvexSolver
+from scenes.contact import Contact, contact_pose
+from scenes.effector import EFFECTORS
+
+MASS = 76.0
+WEIGHT = MASS * 9.81
+HALF = np.array([[0.11, 0.05], [0.11, 0.05], [0.05, 0.05], [0.05, 0.05]])
+
+
+def contact(effector, point, normal):
+    name = EFFECTORS[effector]
+    normal = np.asarray(normal, float) / np.linalg.norm(normal)
+    return Contact(name, 0, contact_pose(name, np.array(point, float), normal, 0.0), 0.5)
+
+
+def test_a_tiny_problem_has_the_optimum_that_slsqp_finds_for_the_textbook_equations():
+    """Variables are wrenches, SI, cost and constraints written from Lin 2020 alone; the cone is Caron's 17 rows."""
+    dt, knots = 0.2, 2
+    left, right = (contact(e, [0, y, 0], [0, 0, 1]) for e, y in enumerate((0.1, -0.1)))
+    schedule = ContactSchedule.from_rows([(left, right, None, None)] * knots, dt)
+    push = MASS * np.array([0.04, 0.03, 0.0])
+    data = CentroidalProblem(schedule, MASS, HALF, np.array([0.0, 0.0, 0.9]), initial_linear_momentum=push)
+    points = np.array([[0, 0.1, 0], [0, -0.1, 0]])
+    rows = wrench_rows(0.5, HALF[0])
+
+    def roll_out(x):
+        wrench = WEIGHT * x.reshape(knots, 2, 6)
+        l, com, k, cost = data.initial_linear_momentum, data.initial_com, np.zeros(3), 0.0
+        for n in range(knots):
+            force, moment = wrench[n, :, :3], wrench[n, :, 3:]
+            l_rate = force.sum(axis=0) - [0, 0, WEIGHT]
+            l = l + dt * l_rate
+            com = com + dt * l / MASS
+            k_rate = (np.cross(points - com, force) + moment).sum(axis=0)
+            k = k + dt * k_rate
+            cost += 0.2 * l @ l + 0.01 * l_rate @ l_rate + 1.0 * k @ k + 0.3 * k_rate @ k_rate
+            for f, m in zip(force, moment, strict=True):
+                cop = np.array([-m[1], m[0]]) / f[2]
+                torque = m[2] - (cop[0] * f[1] - cop[1] * f[0])
+                lateral = f[:2] @ f[:2]
+                cost += (0.01 * f @ f + 10.0 * lateral) / WEIGHT**2 + torque**2 + np.sum((cop / (2 * HALF[0])) ** 2)
+        return cost, l, k
+
+    start = np.zeros((knots, 2, 6))
+    start[:, :, 2] = 0.5
+    answer = minimize(
+        lambda x: 1e-2 * roll_out(x)[0],
+        start.ravel(),
+        method="SLSQP",
+        options={"maxiter": 300, "ftol": 1e-12},
+        constraints=[
+            {"type": "eq", "fun": lambda x: np.concatenate(roll_out(x)[1:]) / 10},
+            {"type": "ineq", "fun": lambda x: -(rows @ x.reshape(-1, 6).T).ravel()},
+        ],
+    )
+    assert answer.success, answer.message
+    options = replace(CentroidalOptions(), cone="square", final_half_width=None, tolerance=1e-7)
+    ours = CentroidalProgram(data, options).solve()
+    assert ours.feasible, ours.reason
+    assert ours.cost == pytest.approx(100 * answer.fun, rel=1e-3)
+
+
+def test_no_step_towards_another_feasible_trajectory_lowers_the_cost():
+    left, right = contact(0, [0, 0.1, 0], [0.2, 0.1, 1]), contact(1, [0, -0.1, 0], [-0.1, 0.2, 1])
+    stepped = contact(1, [0.3, -0.12, 0.05], [0.0, -0.2, 1])
+    palm = contact(2, [0.2, 0.5, 1.2], [0, -1, 0])
+    rows = [(left, right, palm, None)] * 5 + [(left, None, palm, None)] * 5 + [(left, stepped, palm, None)] * 3
+    data = CentroidalProblem(ContactSchedule.from_rows(rows, 0.2), MASS, HALF, np.array([0.0, 0.0, 0.9]))
+
+    def best(weights):
+        program = CentroidalProgram(data, CentroidalOptions(weights=weights))
+        model = CentroidalModel(program)
+        outcome = minimise(
+            model, ConvexSolver(program.prog), max_iterations=30, tolerance=1e-8, time_limit=30, radius=0.1
+        )
+        return model, outcome.point
+
+    model, optimum = best(CentroidalWeights())
+    for other in (
+        CentroidalWeights(linear_momentum=5.0),
+        CentroidalWeights(pressure_centre=1000.0),
+        CentroidalWeights(lateral_force=1000.0),
+        CentroidalWeights(angular_momentum_rate=0.01, angular_momentum=0.01),
+    ):
+        _, elsewhere = best(other)
+        assert model.between(elsewhere, elsewhere, 0.0).merit > optimum.merit * (1 + 1e-6)
+        for step in (1e-3, 1e-2, 1e-1, 1.0):
+            assert model.between(optimum, elsewhere, step).merit >= optimum.merit * (1 - 1e-7)

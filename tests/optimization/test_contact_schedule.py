@@ -1,0 +1,71 @@
+"""Schedules of contacts: the documents' timing, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optimization.contact_schedule import ContactSchedule
+from scenes.contact import Contact
+from scenes.input_error import InputError
+from scenes.stance import Stance
+
+
+def foot(side, x):
+    X_WC = np.eye(4)
+    X_WC[0, 3] = x
+    return Contact(f"{side}_foot", 0, X_WC, 0.5)
+
+
+def stances():
+    first = Stance((foot("left", 0.0), foot("right", 0.0), None, None))
+    return [
+        first,
+        first.replace(0, foot("left", 0.3)),
+        first.replace(0, foot("left", 0.3)).replace(1, foot("right", 0.4)),
+    ]
+
+
+def test_each_transition_shifts_for_a_second_and_swings_for_a_second():
+    schedule = ContactSchedule.from_stances(stances(), dt=0.2, shift_time=1.0, swing_time=1.0)
+    left, right = schedule.active[:, 0], schedule.active[:, 1]
+    assert schedule.num_knots == 26
+    assert np.allclose(schedule.times, 0.2 * np.arange(26))
+    assert (left[5:10] == -1).all()
+    assert (right[15:20] == -1).all()
+    assert (schedule.active >= 0)[:, :2].sum(axis=1).tolist() == [2] * 5 + [1] * 5 + [2] * 5 + [1] * 5 + [2] * 5
+    assert [schedule.contacts[i].p_WC[0] for i in (left[0], left[12], right[0], right[-1])] == [0.0, 0.3, 0.0, 0.4]
+    assert len(schedule.contacts) == 4
+
+
+def test_the_mean_of_the_feet_is_that_of_the_feet_in_contact():
+    schedule = ContactSchedule.from_stances(stances(), dt=0.2, shift_time=1.0, swing_time=1.0)
+    mean = schedule.feet_mean()
+    assert mean[0, 0] == 0.0
+    assert mean[10, 0] == pytest.approx(0.15)
+    assert mean[15, 0] == pytest.approx(0.3)
+    flight = ContactSchedule.from_rows([(None,) * 4], 0.1)
+    assert np.isnan(flight.feet_mean()).all()
+
+
+def test_intervals_may_differ_in_length():
+    row = (foot("left", 0.0), None, None, None)
+    schedule = ContactSchedule.from_rows([row] * 3, np.array([0.1, 0.2, 0.3]))
+    assert np.allclose(schedule.times, [0, 0.1, 0.3, 0.6])
+
+
+def test_bad_schedules_are_refused():
+    row = (foot("left", 0.0), None, None, None)
+    with pytest.raises(InputError, match="empty"):
+        ContactSchedule.from_stances([], dt=0.2, shift_time=1.0, swing_time=1.0)
+    with pytest.raises(InputError, match="at least one interval"):
+        ContactSchedule.from_rows([], 0.1)
+    with pytest.raises(InputError, match="expected 4"):
+        ContactSchedule.from_rows([row[:2]], 0.1)
+    with pytest.raises(InputError, match="left_palm"):
+        ContactSchedule.from_rows([(None, None, foot("left", 0.0), None)], 0.1)
+    for dt in (0.0, -0.1, np.nan):
+        with pytest.raises(InputError, match="dt"):
+            ContactSchedule.from_rows([row], dt)
+    with pytest.raises(InputError, match="does not exist"):
+        replace(ContactSchedule.from_rows([row], 0.1), active=np.array([[5, -1, -1, -1]]))
