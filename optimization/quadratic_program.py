@@ -119,7 +119,7 @@ class ProgramReader:
             raise ValueError("the program has terms that are neither linear nor quadratic")
         self._n = prog.num_vars()
         self._quadratic, self._linear, equality, inequality, self._bounds = (
-            [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()))) for b in bindings]
+            [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()), int)) for b in bindings]
             for bindings in (
                 prog.quadratic_costs(),
                 prog.linear_costs(),
