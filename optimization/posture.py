@@ -24,6 +24,7 @@ from pydrake.systems.framework import Context
 from scenes.effector import EFFECTORS
 from scenes.plant import RobotPlant
 
+FLIPPED = 1.0  # [rad] from here an orientation went the wrong way round
 LEVER = 0.1  # [m] arm of the two points that fix an orientation; a patch's own size, so errors weigh like positions
 
 
@@ -125,7 +126,14 @@ class PostureSolver:
             ValueError: data that is not finite or of the wrong shape.
         """
         X_WE, com_region, q_guess = _checked(self.robot_plant, X_WE, com_region, q_guess)
-        ik = self.program(X_WE, com_region)
+        answer = self._attempt(self.program(X_WE, com_region), X_WE, com_region, q_guess)
+        if any(v.name.endswith("orientation") and v.value > FLIPPED for v in answer.violations):
+            answer = self._attempt(self.program(X_WE, com_region, one_sided=True), X_WE, com_region, q_guess)
+        return answer
+
+    def _attempt(
+        self, ik: InverseKinematics, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None, q_guess: np.ndarray
+    ) -> PostureAnswer:
         self._add_nearness(ik, q_guess)
         result = SnoptSolver().Solve(ik.prog(), q_guess, self._solver_options())
         q = result.GetSolution(ik.q())
@@ -135,11 +143,19 @@ class PostureSolver:
         violations = self.violations(q, X_WE, com_region)
         return PostureAnswer(not violations, q, violations)
 
-    def program(self, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None) -> InverseKinematics:
-        """All constraints and no cost, for callers who want another cost than nearness; valid until the next call."""
+    def program(
+        self, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None, *, one_sided: bool = False
+    ) -> InverseKinematics:
+        """All constraints and no cost, for callers who want another cost than nearness; valid until the next call.
+
+        Args:
+            X_WE: as for `solve`.
+            com_region: as for `solve`.
+            one_sided: also rule out frames turned by half a turn, which costs a quarter more time.
+        """
         held = self._filtered(X_WE)
         ik = InverseKinematics(self.robot_plant.plant, held.plant_context)
-        self._add_contacts(ik, X_WE)
+        self._add_contacts(ik, X_WE, one_sided)
         self._add_balance(ik, com_region)
         ik.prog().AddConstraint(held.clearance, ik.q())
         return ik
@@ -191,21 +207,22 @@ class PostureSolver:
             self._held[held] = _Held(context, plant_context, clearance)
         return self._held[held]
 
-    def _add_contacts(self, ik: InverseKinematics, X_WE: Sequence[np.ndarray | None]) -> None:
+    def _add_contacts(self, ik: InverseKinematics, X_WE: Sequence[np.ndarray | None], one_sided: bool) -> None:
         # Centre (3 rows), a point along x (its y and z), a point along y (its z): six rows that never lose rank, where
-        # an angle's cosine has no gradient at the solution.
+        # an angle's cosine has no gradient at the solution. A frame turned by half a turn keeps them too, unless the
+        # points must also lie on the positive side.
         world = self.robot_plant.plant.world_frame()
-        free = np.inf
+        zero, side = np.zeros(3), LEVER / 2 if one_sided else -np.inf
         rows = (
-            (np.zeros(3), np.zeros(3)),
-            (np.array([LEVER, 0, 0]), np.array([free, 0, 0])),
-            (np.array([0, LEVER, 0]), np.array([free, free, 0])),
+            (zero, zero, zero),
+            (np.array([LEVER, 0, 0]), np.array([side, 0, 0]), np.array([np.inf, 0, 0])),
+            (np.array([0, LEVER, 0]), np.array([-np.inf, side, 0]), np.array([np.inf, np.inf, 0])),
         )
         for effector, X_WC, body in zip(EFFECTORS, X_WE, self.robot_plant.effector_bodies, strict=True):
             if X_WC is None:
                 continue
-            for point, slack in rows:
-                binding = ik.AddPositionConstraint(body.body_frame(), point, world, RigidTransform(X_WC), -slack, slack)
+            for point, lower, upper in rows:
+                binding = ik.AddPositionConstraint(body.body_frame(), point, world, RigidTransform(X_WC), lower, upper)
                 binding.evaluator().set_description(f"contact of {effector}")
 
     def _add_balance(self, ik: InverseKinematics, com_region: np.ndarray | None) -> None:
