@@ -8,22 +8,43 @@ from drakeplan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR
 
+# Play, pause and a time slider in sight; meshcat's own are two clicks deep in its panel.
 # `#t=3.5` in the address stops the motion there; `&still` hides the control panel, `&bare` the legend too.
-SEEK = """
+CONTROLS = """
+<div id="plan-time" hidden>
+  <button type="button" aria-label="play or pause">&#9208;</button>
+  <input type="range" min="0" max="1" step="any" value="0" aria-label="time"><output></output>
+</div>
 <script>
   (function () {
     const wanted = new URLSearchParams(location.hash.slice(1));
     for (const name of ["still", "bare"]) if (wanted.has(name)) document.body.classList.add(name);
-    if (!wanted.has("t")) return;
+    const [bar, button, slider, clock] = ["", " button", " input", " output"].map(
+      (part) => document.querySelector("#plan-time" + part));
+    const animator = () => viewer.animator;
+    const seek = (time) => {
+      animator().pause();
+      animator().seek(time);
+      animator().display_progress(time);
+    };
+    const show = () => {
+      if (document.activeElement !== slider || animator().playing) slider.value = animator().time;
+      clock.textContent = animator().time.toFixed(1) + " s";
+      button.textContent = animator().playing ? "\u23f8" : "\u25b6";
+      requestAnimationFrame(show);
+    };
+    button.onclick = () => (animator().playing ? animator().pause() : animator().play());
+    slider.oninput = () => seek(parseFloat(slider.value));
     const wait = setInterval(() => {
-      const animator = viewer.animator;
-      if (animator.actions.length === 0) return;
+      if (animator().actions.length === 0) return;
       clearInterval(wait);
-      const time = Math.min(Math.max(parseFloat(wanted.get("t")) || 0, 0), animator.duration);
-      animator.play();
-      animator.pause();
-      animator.seek(time);
-      animator.display_progress(time);
+      slider.max = animator().duration;
+      bar.hidden = false;
+      if (wanted.has("t")) {
+        animator().play();
+        seek(Math.min(Math.max(parseFloat(wanted.get("t")) || 0, 0), animator().duration));
+      }
+      show();
     }, 20);
   })();
 </script>
@@ -41,13 +62,21 @@ STYLE = """
     display: inline-block; width: 12px; height: 12px; margin-right: 7px; border-radius: 3px; vertical-align: -1px;
   }
   #plan-legend span { white-space: nowrap; margin-right: 12px; }
+  #plan-time {
+    position: fixed; left: 50%; top: 14px; transform: translateX(-50%); padding: 6px 12px; border-radius: 8px;
+    background: rgba(255, 255, 255, 0.82); color: #222; font: 13px system-ui, sans-serif; white-space: nowrap;
+    box-shadow: 0 1px 6px rgba(0, 0, 0, 0.18);
+  }
+  #plan-time input { width: 36vw; vertical-align: middle; margin: 0 8px; }
+  #plan-time button { width: 30px; border: 0; background: none; font-size: 15px; cursor: pointer; }
+  #plan-time[hidden], body.still #plan-time,
   body.still .dg.main, body.still .dg.ac, body.bare #plan-legend { display: none !important; }
 </style>
 """
 
 
 def finished_page(meshcat_page: str, plan: Plan) -> str:
-    """The page with its title, legend and seek script; everything in it is inline.
+    """The page with its title, legend and time slider; everything in it is inline.
 
     Args:
         meshcat_page: what `Meshcat.StaticHtml` gives.
@@ -56,7 +85,7 @@ def finished_page(meshcat_page: str, plan: Plan) -> str:
     title = html.escape(f"{plan.scene_name} · {plan.robot} · drakeplan")
     page = meshcat_page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
     head, body_end, tail = page.rpartition("</body>")
-    return head + STYLE + _legend(plan) + SEEK + body_end + tail
+    return head + STYLE + _legend(plan) + CONTROLS + body_end + tail
 
 
 def _legend(plan: Plan) -> str:

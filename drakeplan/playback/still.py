@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
@@ -26,24 +24,17 @@ GOAL_COLOUR = Rgba(0.96, 0.70, 0.10)
 PATCH = 0.008  # [m] thickness of a contact's patch, the greater part of it above the surface
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """How many of each were drawn."""
-
-    plates: int
-    walls: int
-    obstacle_triangles: int
-    contacts: int
-
-
-def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> Drawn:
+def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
     """Draws all that does not move."""
     surfaces = scene.terrain.surfaces
-    walls = [i for i, s in enumerate(surfaces) if terrain_mesh.is_wall(s)]
-    plates = [i for i, s in enumerate(surfaces) if not terrain_mesh.is_wall(s)]
+    alone = [i for i, facet in enumerate(scene.terrain.surfaces_of_meshes) if not facet]
+    facets = [i for i, facet in enumerate(scene.terrain.surfaces_of_meshes) if facet]
+    walls = [i for i in alone if terrain_mesh.is_wall(surfaces[i])]
+    plates = [i for i in alone if not terrain_mesh.is_wall(surfaces[i])]
     _mesh(meshcat, "terrain/plates", terrain_mesh.plate_mesh(surfaces, plates))
+    _mesh(meshcat, "terrain/facets", terrain_mesh.facet_mesh(surfaces, facets))
     _mesh(meshcat, "terrain/walls", terrain_mesh.wall_mesh(surfaces, walls), one_sided=True)
-    _mesh(meshcat, "terrain/obstacles", terrain_mesh.rock_mesh(plan.triangles), one_sided=True)
+    _mesh(meshcat, "terrain/obstacles", terrain_mesh.rock_mesh(plan.triangles))
     starts, ends = terrain_mesh.outlines(surfaces)
     grey = Rgba(*terrain_mesh.OUTLINE)
     meshcat.SetLineSegments(f"{ROOT}/terrain/outlines", starts.T, ends.T, 1.0, grey)
@@ -59,7 +50,6 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> Drawn:
         _com_path(meshcat, plan.centroidal.com)
     if scene.goal is not None:
         _goal(meshcat, np.asarray(scene.goal.xyz, float), scene.goal.radius)
-    return Drawn(len(plates), len(walls), len(plan.triangles), len(plan.contacts))
 
 
 def _mesh(meshcat: Meshcat, name: str, mesh: terrain_mesh.ColouredMesh, *, one_sided: bool = False) -> None:

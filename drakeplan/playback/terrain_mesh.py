@@ -44,12 +44,21 @@ def is_wall(surface: Surface) -> bool:
 
 def plate_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMesh:
     """Thin plates behind the faces of these surfaces, each in its stone's colour."""
-    parts, colours = [], []
     edges = len(surfaces) < MANY_SURFACES
+    parts = [_plate(surfaces[index], edges) for index in indices]
+    return _joined(parts, [np.broadcast_to(_stone(i), (len(p), 3)) for i, p in zip(indices, parts, strict=True)])
+
+
+def facet_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMesh:
+    """Bare faces on the mesh that these surfaces are facets of; those in one plane, which may overlap, in one colour."""
+    parts, colours = [], []
+    planes: dict[tuple[float, ...], int] = {}
     for index in indices:
-        part = _plate(surfaces[index], edges)
-        parts.append(part)
-        colours.append(np.broadcast_to(_stone(index), (len(part), 3)))
+        surface = surfaces[index]
+        plane = (*np.round(surface.normal, 2) + 0.0, round(float(surface.normal @ surface.centroid), 2))
+        parts.append(_fan(surface.vertices + LIFT * surface.normal))
+        stone = _stone(planes.setdefault(plane, len(planes)))
+        colours.append(np.broadcast_to(stone, (len(parts[-1]), 3)))
     return _joined(parts, colours)
 
 
