@@ -19,7 +19,15 @@ from drakeplan.dynamics import BOX, centroidal_options, com_course, relaxed, sol
 from drakeplan.encounters import Encounters, ProximityMonitor
 from drakeplan.key_postures import BalanceRegions, KeyPostures, solve_key_postures
 from drakeplan.motion_check import Problem, find_problems, transition_of, velocities
-from drakeplan.motion_targets import Detour, effector_targets, motion_targets, plan_swings, smooth_com
+from drakeplan.motion_targets import (
+    Detour,
+    contact_room,
+    effector_targets,
+    frame_of,
+    motion_targets,
+    plan_swings,
+    smooth_com,
+)
 from drakeplan.phases import MOVE, Schedule, make_schedule
 from drakeplan.progress import Progress, ProgressEvent
 from optimization.centroidal_trajectory import CentroidalTrajectory
@@ -32,8 +40,9 @@ from scenes.stance import Stance
 from scenes.terrain import Terrain
 
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
-APART = 0.012  # [m] distance that pairs are asked to keep
-CLOSE = 0.007  # [m] pairs nearer than this are moved apart
+APART = 0.02  # [m] distance that pairs are asked to keep
+CLOSE = 0.006  # [m] pairs nearer than this are moved apart
+WINDOW = 15  # frames before and after a collision that take part in moving out of its way
 COM_FEEDBACK = 0.010  # [m] a CoM this far off the plan goes back to the centroidal program
 MAX_STRETCH = 2.5  # longest that a phase becomes, times its usual duration
 
@@ -218,6 +227,7 @@ class _Frames:
         self.tree = maker.kinematics.tree
         self.t = schedule.times(1.0 / maker.options.rate)
         self.held = schedule.contact_at(self.t) >= 0
+        self.room = contact_room(schedule, self.t)
         self.detours: dict[int, Detour] = {}
         self.free: np.ndarray | None = None
 
@@ -272,35 +282,54 @@ class _Frames:
         self.answer = self._track(self.answer.q, solve=wanted)
 
     def _near(self, frames: np.ndarray) -> Encounters:
-        met = self.maker.monitor.near(self.answer.q, np.flatnonzero(frames), SEEN)
-        phase = self.schedule.phase_at(self.t)
-        flying = np.full(self.held.shape, False)
-        for k in range(len(self.schedule.stances) - 1):
-            flying[phase == 2 * k + 1, self.schedule.phases[2 * k + 1].mover] = True
-        self.flying = flying
-        return met
-
-    def _placed(self, met: Encounters) -> np.ndarray:
-        """(R,) pairs of the terrain with an end effector whose pose is not free to change."""
-        return (met.effector >= 0) & (self.held | self.flying)[met.frame, met.effector]
+        return self.maker.monitor.near(self.answer.q, np.flatnonzero(frames), SEEN)
 
     def _keep_apart(self) -> bool:
-        """Moves bodies apart that are too near each other; False where there are none."""
-        movable = self.met.where(~self._placed(self.met))
+        """Moves bodies apart that are too near each other; False where there are none.
+
+        A frame in collision does not know which way out is right, the frame before it does: stretches of frames are
+        walked through one by one, each from the one before, with the pairs that are near there.
+        """
         close = np.zeros(len(self.t), dtype=bool)
-        close[movable.frame[movable.distance < CLOSE]] = True
+        close[self.met.frame[self.met.distance < self._wanted(self.met) - APART + CLOSE]] = True
         if not close.any():
             return False
-        self.targets = replace(self.targets, rows=movable.rows(len(self.t), np.full(len(movable), APART)))
-        self.answer = self._track(self.answer.q, solve=close)
-        fresh = self._near(close)
-        self.met = _merged(self.met.where(~close[self.met.frame]), fresh)
+        stretches = _stretches(close, WINDOW)
+        q = self.answer.q.copy()
+        for first, last in stretches:
+            for f in range(max(first, 1), last):
+                q[f] = self._away(f, q[f - 1] + (self.answer.q[f] - self.answer.q[f - 1]))
+        changed = (q != self.answer.q).any(axis=1)
+        self.answer = self._track(q, solve=np.zeros(len(self.t), dtype=bool))
+        self.met = _merged(self.met.where(~changed[self.met.frame]), self._near(changed))
         return True
+
+    def _away(self, f: int, q: np.ndarray) -> np.ndarray:
+        """(nq,) frame f solved from q with the pairs apart that are near there."""
+        q[:4] /= np.linalg.norm(q[:4])
+        targets = frame_of(self.targets, f)
+        for _ in range(2):
+            met = replace(self.maker.monitor.near(q[None], [0], SEEN), frame=np.zeros(0, np.int64))
+            if not len(met.distance):
+                return track_postures(self.tree, targets, q[None], max_iterations=12).q[0]
+            met = replace(met, frame=np.full(len(met.distance), f))
+            wanted = self._wanted(met)
+            rows = replace(met, frame=np.zeros(len(wanted), np.int64)).rows(1, wanted)
+            q = track_postures(self.tree, replace(targets, rows=rows), q[None], max_iterations=12).q[0]
+        return q
+
+    def _wanted(self, met: Encounters) -> np.ndarray:
+        """(R,) distance that each pair should keep [m]: none of what stands on its contact, less where it takes off."""
+        wanted = np.full(len(met), APART)
+        sole = met.effector >= 0
+        room = self.room[met.frame[sole], met.effector[sole]]
+        wanted[sole] = np.where(room > 0.0, room * APART, -np.inf)
+        return wanted
 
     def _reroute(self) -> bool:
         """Raises swings whose foot or hand meets the terrain, or pushes them aside; False where none does."""
         bad = (self.met.effector >= 0) & (self.met.distance < -0.006)
-        bad[bad] = self.flying[self.met.frame[bad], self.met.effector[bad]]
+        bad[bad] = self.room[self.met.frame[bad], self.met.effector[bad]] > 0.0
         changed = False
         for k in np.unique(transition_of(self.schedule, self.t[self.met.frame[bad]])):
             detour = self.detours.get(int(k), Detour())
@@ -332,16 +361,21 @@ class _Frames:
         return True
 
     def _restart(self) -> None:
-        """New targets for all frames; distances to keep stay as they were asked for."""
-        rows = self.targets.rows
+        """New targets for all frames."""
         self._retarget()
-        self.targets = replace(self.targets, rows=rows)
         self.answer = self._track(self.answer.q)
         self.met = self._near(np.ones(len(self.t), dtype=bool))
 
     def _problems(self) -> list[Problem]:
         com = np.stack([np.interp(self.t, self.trajectory.t, self.trajectory.com[:, i]) for i in range(3)], axis=1)
         return find_problems(self.maker.kinematics, self.schedule, self.t, self.answer.q, com, self.met)
+
+
+def _stretches(marked: np.ndarray, around: int) -> list[tuple[int, int]]:
+    """Half-open ranges that cover the marked frames and `around` more on either side."""
+    wide = np.convolve(marked, np.ones(2 * around + 1), mode="same") > 0.5
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], wide, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _merged(kept: Encounters, fresh: Encounters) -> Encounters:

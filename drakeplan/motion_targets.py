@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
 from drakeplan.key_postures import COM, HOLD, posture_weight
-from drakeplan.phases import MAKE, MOVE, Schedule
+from drakeplan.phases import BREAK, MAKE, MOVE, Schedule
 from drakeplan.swing import SwingCurve, hover, plan_swing, smooth_step
 from optimization.kinematic_tree import KinematicTree
 from optimization.posture_tracking import LEVER, TrackingTargets
@@ -157,3 +157,27 @@ def motion_targets(
         lower=tree.lower + LIMIT_SLACK,
         upper=tree.upper - LIMIT_SLACK,
     )
+
+
+def frame_of(targets: TrackingTargets, f: int) -> TrackingTargets:
+    """The targets of frame f alone, without distances to keep."""
+    one = slice(f, f + 1)
+    return TrackingTargets(
+        targets.X_WE[one], targets.place_weight[one], targets.turn_weight[one], targets.com[one],
+        targets.com_weight[one], targets.q_ref[one], targets.posture_weight, targets.lower, targets.upper,
+    )  # fmt: skip
+
+
+def contact_room(schedule: Schedule, t: np.ndarray) -> np.ndarray:
+    """(T, E) share of the usual distance to the terrain that each end effector can keep: 0 while it is in contact."""
+    held = schedule.contact_at(t) >= 0
+    room = np.where(held, 0.0, 1.0)
+    phase = schedule.phase_at(t)
+    for k in range(len(schedule.stances) - 1):
+        swing = schedule.phases[2 * k + 1]
+        frames = np.flatnonzero(phase == 2 * k + 1)
+        u = (t[frames] - swing.start) / (swing.end - swing.start)
+        kind = schedule.kind(k)
+        away = 1.0 - u if kind == MAKE else u if kind == BREAK else np.minimum(u, 1.0 - u)
+        room[frames, swing.mover] = [smooth_step((x - 0.05) / 0.3) for x in away]
+    return room

@@ -193,13 +193,13 @@ def _normal_equations(
     tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, row_weight, first, last, H, g,
     effector_error, com_error,
 ) -> None:  # fmt: skip
-    """Gauss-Newton's H (upper triangle) and g at q, and the errors there."""
+    """Gauss-Newton's H (upper triangle) and g at q, the slacks of the distances last, and the errors there."""
     nv = posture_weight.shape[0]
     H[:] = 0.0
     g[:] = 0.0
-    J, Jc, row = np.empty((6, nv)), np.zeros((3, nv)), np.empty(nv)
+    J, Jc, row = np.empty((6, nv)), np.zeros((3, nv)), np.zeros(g.shape[0])
     R_WE, p_WE, turn, c = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    columns = np.empty(nv, np.int64)
+    columns = np.empty(g.shape[0], np.int64)
     for e in range(effector_weight.shape[0]):
         w, u = effector_weight[e, 0], effector_weight[e, 1]
         effector_error[e] = 0.0
@@ -231,10 +231,10 @@ def _normal_equations(
         g[i] += posture_weight[i] ** 2 * row[i]
     at = np.empty((2, 3))
     for r in range(first, last):
+        # An inequality d + J v >= wanted as the equality d + J v - slack = wanted, slack >= 0, in the least-squares sense.
         d = _pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
-        if d >= rows.wanted[r]:
-            continue
         row[:] = 0.0
+        row[nv + r - first] = -row_weight
         for s in range(2):
             if rows.link[r, s] < 0:
                 continue
@@ -254,8 +254,9 @@ def _solve_frame(
     nv = posture_weight.shape[0]
     n = tree.parent.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    H, g, dv = np.empty((nv, nv)), np.empty(nv), np.zeros(nv)
-    low, high, side = np.empty(nv), np.empty(nv), np.zeros(nv, np.int64)
+    m = nv + last - first  # a slack for each distance
+    H, g, dv = np.empty((m, m)), np.empty(m), np.zeros(m)
+    low, high, side = np.zeros(m), np.full(m, np.inf), np.zeros(m, np.int64)
     for it in range(max_iterations + 1):
         forward(tree, q, R, p)
         _normal_equations(
@@ -269,7 +270,7 @@ def _solve_frame(
             if i >= 6:
                 low[i] = min(max(low[i], lower[i - 6] - q[i + 1]), STEP)
                 high[i] = max(min(high[i], upper[i - 6] - q[i + 1]), low[i])
-        if solve_box_qp(H, g, low, high, nv, side, dv, 60) < 0:
+        if solve_box_qp(H, g, low, high, m, side, dv, 80) < 0:
             side[:] = 0
         integrate(q, dv, 1.0, q)
         biggest = 0.0
