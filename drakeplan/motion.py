@@ -309,13 +309,11 @@ class _Frames:
         q[:4] /= np.linalg.norm(q[:4])
         targets = frame_of(self.targets, f)
         for _ in range(2):
-            met = replace(self.maker.monitor.near(q[None], [0], SEEN), frame=np.zeros(0, np.int64))
-            if not len(met.distance):
-                return track_postures(self.tree, targets, q[None], max_iterations=12).q[0]
-            met = replace(met, frame=np.full(len(met.distance), f))
-            wanted = self._wanted(met)
-            rows = replace(met, frame=np.zeros(len(wanted), np.int64)).rows(1, wanted)
-            q = track_postures(self.tree, replace(targets, rows=rows), q[None], max_iterations=12).q[0]
+            met = self.maker.monitor.near(q[None], [0], SEEN)
+            wanted = self._wanted(replace(met, frame=np.full(len(met), f)))
+            free = np.isfinite(wanted)
+            near = replace(targets, rows=met.where(free).rows(1, wanted[free]))
+            q = track_postures(self.tree, near, q[None], max_iterations=12).q[0]
         return q
 
     def _wanted(self, met: Encounters) -> np.ndarray:
