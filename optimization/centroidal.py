@@ -139,7 +139,7 @@ class CentroidalProgram:
         self.reach = self._reach_data()
         com = guess_com(problem, self.options)
         wrench = np.zeros((len(self.interval), 6))
-        wrench[:, 2] = guess_loads(problem, self.interval, self.effector)
+        wrench[:, 2] = guess_loads(problem, com, self.interval, self.effector)
         self._about = com, np.tile(UP, (len(self.dt), 1)), wrench
 
     def _reach_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -349,10 +349,10 @@ class CentroidalProgram:
         self._step = self._add_bounds("com step", self.com, -infinite, infinite)
 
     def _add_rest(self) -> None:
-        """v = 0 and |k_i| <= s_end at the last knot."""
+        """v = 0 and |k_i| <= s_end at the last two knots: the forces between and after them hold it at rest."""
         if self.options.rest_at_end:
-            self._add_bounds("rest: linear momentum", self.v[-1], np.zeros(3), np.zeros(3))
-            self._add_soft_limit("rest: angular momentum", self.index["k"][-1:], self.index["s_end"], np.zeros(3))
+            self._add_bounds("rest: linear momentum", self.v[-2:], np.array(0.0), np.array(0.0))
+            self._add_soft_limit("rest: angular momentum", self.index["k"][-2:], self.index["s_end"], np.zeros(3))
 
     def _add_costs(self) -> None:
         """One diagonal quadratic cost for each interval, over its state, its contacts and their residuals."""

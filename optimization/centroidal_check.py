@@ -155,6 +155,8 @@ def _bounds(
         off = np.abs(t.com[-1] - centre) - np.asarray(options.final_half_width)
         tables.append(("final com box", np.array([off.max()]), LENGTH))
     if options.rest_at_end:
-        tables.append(("rest: linear momentum", np.abs(t.linear_momentum[-1:]).max(axis=1), MOMENTUM * weight))
-        tables.append(("rest: angular momentum", np.abs(t.angular_momentum[-1:]).max(axis=1), MOMENTUM * weight))
+        for name, momentum in (("linear", t.linear_momentum), ("angular", t.angular_momentum)):
+            left = np.abs(momentum[1:]).max(axis=1)
+            left[:-2] = 0.0
+            tables.append((f"rest: {name} momentum", left, MOMENTUM * weight))
     return tables

@@ -28,7 +28,7 @@ def explain(program: CentroidalProgram) -> str:
     intervals, contacts = np.arange(len(program.dt)), np.arange(len(program.interval))
     cones = len(program.prog.lorentz_cone_constraints()) or 4 * len(contacts) * program.corners.rows.shape[1]
     groups = (np.repeat(contacts, cones // max(len(contacts), 1)), contacts, intervals, np.repeat(intervals, 3))
-    groups = (*groups, np.zeros(3, int), np.zeros(3, int))
+    groups = (*groups, np.zeros(3, int), np.zeros(program.v[-2:].size, int))
     may_give = {name: Relaxable(group, price) for group, (name, (_, price)) in zip(groups, BLOCKS.items(), strict=True)}
     found = smallest_relaxation(program.prog, may_give)
     if not found:

@@ -9,6 +9,7 @@ from optimization.centroidal_problem import CentroidalProblem
 
 WINDOW = 1.0  # [s] half width of the average over the feet
 PALM_SHARE = 0.1  # [M g] guessed on a palm
+LEAST_SHARE = 0.1  # [M g] guessed on each of two feet
 
 
 def guess_com(problem: CentroidalProblem, options: CentroidalOptions) -> np.ndarray:
@@ -33,15 +34,30 @@ def guess_com(problem: CentroidalProblem, options: CentroidalOptions) -> np.ndar
     return (1 - fade) * path + fade * problem.initial_com
 
 
-def guess_loads(problem: CentroidalProblem, interval: np.ndarray, effector: np.ndarray) -> np.ndarray:
-    """(J,) normal forces [M g] of the active contacts: the feet share the weight, palms carry a little.
+def guess_loads(problem: CentroidalProblem, com: np.ndarray, interval: np.ndarray, effector: np.ndarray) -> np.ndarray:
+    """(J,) normal forces [M g] of the active contacts.
+
+    Two feet share the weight as the CoM stands between them, palms carry a little; without feet the palms share.
 
     Args:
         problem: the data.
+        com: (N-1, 3) CoM at the end of each interval [m].
         interval: (J,) interval of each active contact.
         effector: (J,) its end effector.
     """
-    feet = (effector < 2).astype(float)
-    count = np.bincount(interval, feet, len(problem.schedule.dt))[interval]
-    palms = np.bincount(interval, minlength=len(problem.schedule.dt))[interval]
-    return np.where(count > 0, np.where(feet > 0, 1.0 / np.maximum(count, 1), PALM_SHARE), 1.0 / np.maximum(palms, 1))
+    schedule = problem.schedule
+    p_WC, _, _ = schedule.poses()
+    share = np.zeros(schedule.active.shape)
+    held = schedule.active >= 0
+    both = held[:, 0] & held[:, 1]
+    if both.any():
+        left, right = (p_WC[schedule.active[both, foot], :2] for foot in (0, 1))
+        across = left - right
+        part = np.einsum("na,na->n", com[both, :2] - right, across) / np.maximum(np.sum(across**2, axis=1), 1e-9)
+        share[both, 0] = np.clip(part, LEAST_SHARE, 1 - LEAST_SHARE)
+        share[both, 1] = 1 - share[both, 0]
+    single = held[:, :2].sum(axis=1) == 1
+    share[single, :2] = held[single, :2]
+    palms = held[:, 2:].sum(axis=1, keepdims=True)
+    share[:, 2:] = np.where(held[:, :2].any(axis=1, keepdims=True), PALM_SHARE, 1.0 / np.maximum(palms, 1))
+    return share[interval, effector]

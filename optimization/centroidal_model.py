@@ -88,5 +88,5 @@ class CentroidalModel:
             slack = np.maximum(slack, (np.abs(value) / ARM - limit).max(axis=1))
         knot, points, limit = program.reach
         np.maximum.at(slack, knot, (np.linalg.norm(state.com[knot] - points, axis=1) - limit) / ARM)
-        at_end = np.abs(state.k[-1]).max() / ARM if program.options.rest_at_end else 0.0
+        at_end = np.abs(state.k[-2:]).max() / ARM if program.options.rest_at_end else 0.0
         return float(slack.sum() + at_end)

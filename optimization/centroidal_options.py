@@ -74,7 +74,7 @@ class CentroidalOptions:
         force_limit: (E,) greatest normal force, per end effector [M g].
         final_half_width: half widths of the box, around the mean of the last feet and the nominal height, in which the
             CoM must end [m]; None where the end is free.
-        rest_at_end: whether l = 0 and k = 0 at the last knot.
+        rest_at_end: whether l = 0 and k = 0 at the last two knots, so that the last forces hold the robot at rest.
         solver: "auto" (PIQP where it is installed and the cone is linear, else Clarabel), "piqp" or "clarabel".
         max_iterations: most convex programs solved in one `solve`.
         tolerance: relative decrease of the cost at which the iteration ends.

@@ -63,7 +63,7 @@ class Outcome:
 
     Attributes:
         point: the best point, None where the first convex program had no answer.
-        converged: whether the last accepted step changed the merit by less than the tolerance.
+        converged: whether the last step changed the merit by less than the tolerance, or did what was foreseen.
         reason: "converged", "first convex program failed", "no step improves", "iterations" or "time".
         records: one per convex program.
     """
@@ -82,7 +82,7 @@ def minimise(
     tolerance: float,
     time_limit: float,
     radius: float,
-    tight: float = 1e-6,
+    tight: float = 1e-4,
 ) -> Outcome:
     """Solves, re-evaluates, searches along the step and linearises again until the merit stands still.
 
@@ -122,6 +122,8 @@ def minimise(
             continue
         decrease = point.merit - following.merit
         point = following
+        if point is candidate and point.violation <= tight and abs(point.merit - record.cost) <= still:
+            return Outcome(point, True, "converged", tuple(records))  # the convex program was right: so is its optimum
         model.linearise(point)
         if np.isfinite(bound):
             bound *= 2.0

@@ -54,7 +54,8 @@ class SolveRecord:
         worst: greatest violation of a constraint, in the program's units; inf where there is no finite answer.
         worst_constraint: name of the constraint that has it.
         iterations: of the solver, or -1 where it does not say.
-        time: seconds in the solver.
+        time: seconds in the solver, checks included.
+        cost: the program's objective at the answer, NaN where there is none.
     """
 
     solver: str
@@ -64,6 +65,7 @@ class SolveRecord:
     worst_constraint: str
     iterations: int
     time: float
+    cost: float
 
 
 class ConvexSolver:
@@ -121,13 +123,15 @@ class ConvexSolver:
     ) -> tuple[np.ndarray | None, SolveRecord]:
         """The answer with its record, after our own check of the constraints."""
         status, x, iterations = answer
-        worst, constraint = np.inf, ""
+        worst, constraint, cost = np.inf, "", np.nan
         finite = x.size == self.prog.num_vars() and bool(np.isfinite(x).all())
         if finite:
             worst, constraint = program.worst(x) if program is not None else worst_violation(self.prog, x)
+            cost = program.cost(x) if program is not None else _cost(self.prog, x)
         elapsed = time.perf_counter() - started
         feasible = worst <= self.settings.accept
-        return (x if finite else None), SolveRecord(name, status, feasible, worst, constraint, iterations, elapsed)
+        record = SolveRecord(name, status, feasible, worst, constraint, iterations, elapsed, cost)
+        return (x if finite else None), record
 
     def _clarabel(self) -> tuple[str, np.ndarray, int]:
         options = SolverOptions()
@@ -154,6 +158,10 @@ def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, st
         if not excess <= worst:  # so that NaN counts as a violation
             worst, name = ((excess if np.isfinite(excess) else np.inf), evaluator.get_description())
     return worst, name
+
+
+def _cost(prog: MathematicalProgram, x: np.ndarray) -> float:
+    return float(sum(prog.EvalBinding(binding, x).item() for binding in prog.GetAllCosts()))
 
 
 def _excess(prog: MathematicalProgram, binding: Binding, x: np.ndarray) -> float:
