@@ -132,6 +132,9 @@ class ContactDomain:
         if not palms and not self.check.stands_alone(stand):
             self.rejections["friction"] += 1
             return
+        if palms and (reason := self.check.can_lift(state[:4], mover)):  # one answer spares every child's own check
+            self.rejections[reason] += 1
+            return
         numbers = self._foot_candidates(stand, mover)
         if not len(numbers):
             return

@@ -70,6 +70,11 @@ class TransitionCheck:
             self._seeds.setdefault(after, self._postures[after, support][1])
         return reason
 
+    def can_lift(self, held: Held, mover: int) -> str:
+        """Why this end effector cannot be lifted: the first critical configuration, shared by all its moves."""
+        support = (*held[:mover], -1, *held[mover + 1 :])
+        return self._posture(held, support, self._seeds.get(held))
+
     def posture(self, held: Held, support: Held) -> np.ndarray | None:
         """(nq,) the configuration found for these contacts over this support, None if there is none."""
         reason, q = self._postures.get((held, support), ("unknown", np.zeros(0)))

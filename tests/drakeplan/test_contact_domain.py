@@ -31,6 +31,9 @@ class EverythingStands:
     def stands_alone(self, number: int) -> bool:
         return True
 
+    def can_lift(self, held: tuple[int, ...], mover: int) -> str:
+        return ""
+
     def transition(self, before: tuple[int, ...], after: tuple[int, ...]) -> str:
         return ""
 
