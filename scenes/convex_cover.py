@@ -37,7 +37,7 @@ def convex_cover(region: Polygon) -> list[np.ndarray]:
         piece = _grow(region, seed)
         pieces.append(piece)
         missing = missing.difference(piece)
-    return [np.array(shapely.orient_polygons(piece.convex_hull).exterior.coords)[:-1] for piece in pieces]
+    return [corners for corners in map(_corners, pieces) if len(corners) >= 3]
 
 
 def min_width(corners: np.ndarray) -> float:
@@ -48,6 +48,18 @@ def min_width(corners: np.ndarray) -> float:
     away = corners[None] - start[:, None]
     across = edges[:, None, 0] * away[..., 1] - edges[:, None, 1] * away[..., 0]
     return float(across.max(axis=1).min())
+
+
+def _corners(piece: Polygon) -> np.ndarray:
+    """(K, 2) counter-clockwise corners of a piece, without those that rounding has set beside or between others.
+
+    Fewer than three are left of a needle.
+    """
+    corners = np.array(shapely.orient_polygons(piece.convex_hull).exterior.coords)[:-1]
+    corners = corners[np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 2 * REFLEX]
+    arm, chord = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+    bulge = np.abs(arm[:, 0] * chord[:, 1] - arm[:, 1] * chord[:, 0])
+    return corners[bulge > REFLEX / 10 * np.linalg.norm(chord, axis=1)]
 
 
 def _grow(region: Polygon, seed: Polygon) -> Polygon:

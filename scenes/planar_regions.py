@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import shapely
@@ -12,6 +13,7 @@ from shapely import Polygon
 from scenes.mesh_orientation import Bodies
 
 OFF_PLANE = 1e-3  # [m] corners of one region lie this near its plane
+NORMAL_CELL = 0.02  # grid of unit normals, coarser than the degree below
 OFF_NORMAL = np.cos(np.deg2rad(1.0))  # normals of one region lie within a degree
 GRID = 1e-5  # [m] corners are snapped to this, so that what should touch touches
 CRACK = 2e-4  # [m] gaps between faces up to this width are closed
@@ -75,15 +77,24 @@ def _coplanar_groups(
     triangles: np.ndarray, normals: np.ndarray, area: np.ndarray, wanted: np.ndarray
 ) -> Iterator[tuple[np.ndarray, int]]:
     """(indices, seed) of the triangles in the plane of each seed, the largest triangle not yet taken."""
-    left = np.flatnonzero(wanted)
-    left = left[np.argsort(-area[left], kind="stable")]
-    while len(left):
-        seed = left[0]
-        same = np.flatnonzero(normals[left] @ normals[seed] >= OFF_NORMAL)
-        off = np.abs((triangles[left[same]] - triangles[seed, 0]) @ normals[seed]).max(axis=1)
-        taken = same[off <= OFF_PLANE]
-        yield left[taken], int(seed)
-        left = np.delete(left, taken)
+    free = wanted.copy()
+    # Normals within a degree differ by less than a cell, so they lie in the seed's cell or one next to it.
+    cells = np.floor(normals / NORMAL_CELL).astype(np.int64)
+    order = np.lexsort(cells.T[::-1])
+    keys, starts = np.unique(cells[order], axis=0, return_index=True)
+    members = dict(zip(map(tuple, keys.tolist()), np.split(order, starts[1:]), strict=True))
+    for seed in np.argsort(-area, kind="stable"):
+        if not free[seed]:
+            continue
+        i, j, k = cells[seed].tolist()
+        around = product((i - 1, i, i + 1), (j - 1, j, j + 1), (k - 1, k, k + 1))
+        near = np.concatenate([members[cell] for cell in around if cell in members])
+        near = near[free[near]]
+        near = near[normals[near] @ normals[seed] >= OFF_NORMAL]
+        off = np.abs((triangles[near] - triangles[seed, 0]) @ normals[seed]).max(axis=1)
+        taken = near[off <= OFF_PLANE]
+        free[taken] = False
+        yield taken, int(seed)
 
 
 def _plane_axes(normal: np.ndarray) -> np.ndarray:
@@ -106,23 +117,33 @@ def _buried(
 ) -> shapely.Geometry:
     """The part of a region that has solid on top, found in a section parallel to it and `BURIED` above.
 
-    The section's cells are solid where the faces around them wind once or more: faces that are doubled, interpenetrate
-    or belong to no closed body do not disturb that. A sole set down there would stand inside a block.
+    A sole set down there would stand inside a block. The section's cells are solid where the faces around them wind
+    once or more: that faces are doubled, interpenetrate or belong to no closed body does not matter, and what a body
+    with missing faces fails to enclose is kept.
     """
-    height = (triangles - origin) @ axes[2] - BURIED
-    crossing = (height.min(axis=1) < 0) & (height.max(axis=1) >= 0)
+    height = triangles @ axes[2] - (origin @ axes[2] + BURIED)
+    below = height < 0
+    crossing = below.any(axis=1) & ~below.all(axis=1)
     segments = _section(triangles[crossing], height[crossing], normals[crossing], origin, axes)
     if len(segments) == 0:
         return Polygon()
-    lines = shapely.set_precision(shapely.linestrings(segments), GRID)
-    noded = shapely.union_all(lines[~shapely.is_empty(lines)], grid_size=GRID)
+    # The cells are needed over the outline only: a frame closes them there.
+    frame = shapely.box(*outline.buffer(10 * GRID).bounds)
+    low, high = np.array(frame.bounds[:2]), np.array(frame.bounds[2:])
+    here = ((segments.min(axis=1) <= high) & (segments.max(axis=1) >= low)).all(axis=1)
+    lines = shapely.set_precision(shapely.linestrings(segments[here]), GRID)
+    noded = shapely.union_all([*lines[~shapely.is_empty(lines)], frame.exterior], grid_size=GRID)
     cells = shapely.get_parts(shapely.polygonize([noded]))
-    cells = cells[shapely.intersects(cells, outline)]
-    if len(cells) == 0:
-        return Polygon()
-    inside = shapely.get_coordinates(shapely.point_on_surface(cells))
-    solid = np.array([_winding(point, segments) > 0.5 for point in inside])
-    return shapely.union_all(cells[solid], grid_size=GRID)
+    cells = cells[shapely.intersects(cells, outline) & shapely.contains(frame.buffer(10 * GRID), cells)]
+    solid = [cell for cell in cells if _is_solid(cell, segments)]
+    return shapely.union_all(solid, grid_size=GRID)
+
+
+def _is_solid(cell: Polygon, segments: np.ndarray) -> bool:
+    """Whether segments wind round all of a cell; where a body has a hole in it, they do so round a part only."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(cell))
+    samples = shapely.get_coordinates(shapely.centroid(triangles))
+    return len(samples) > 0 and all(_winding(point, segments) > 0.5 for point in samples)
 
 
 def _section(

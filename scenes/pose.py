@@ -30,7 +30,7 @@ def rotation_rpy(R: np.ndarray) -> np.ndarray:
     # Roll is read off after yaw is undone, so that whatever yaw was chosen, the product is R.
     s, c = np.sin(yaw), np.cos(yaw)
     roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
-    return np.array([roll, pitch, yaw])
+    return np.array([roll, pitch, yaw]) + 0.0  # no -0.0 in files
 
 
 def pose_matrix(xyz: Sequence[float] | np.ndarray, rpy: Sequence[float] | np.ndarray) -> np.ndarray:

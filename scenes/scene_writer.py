@@ -108,8 +108,8 @@ def _surface_text(surface: Surface, of_mesh: bool, friction: float) -> str:
         text += f", friction: {_number(surface.friction)}"
     if surface.effectors is not None:
         text += f", contact: [{', '.join(e for e in EFFECTORS if e in surface.effectors)}]"
-    elif surface.normal[2] < 0:
-        # Without it a face-down polygon would be taken for a mistake and turned over.
+    elif not any(surface.allows(effector) for effector in EFFECTORS):
+        # Without it a ceiling would be taken for a floor drawn upside down.
         text += f", normal: {_list(surface.normal)}"
     return f"{{{text}}}"
 
