@@ -21,7 +21,7 @@ State of m = rows + n basic columns:
     w       (m + 2,)        the entering column in terms of the basis, then its reduced costs
 
 A right-hand side full of zeros makes bases degenerate. The ratio test therefore reads the second right-hand side, which
-is shifted by about 1e-10 and cannot cycle; answers are read from the exact one.
+is shifted by about 1e-11 and cannot cycle; answers are read from the exact one.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from numba import njit
 
 ENTERS = 1e-10  # a reduced cost above this lets a column enter [m or 1]
 PIVOT = 1e-9  # smallest pivot
-SHIFT = 1e-10  # of the right-hand side [M g]
-FEASIBLE = 1e-9  # weight or moment that may be left over [M g, M g m]
+SHIFT = 1e-11  # of the right-hand side [M g]
+FEASIBLE = 1e-9  # force and moment that may be left unbalanced [M g, M g m]
 NEAR_TIE = 1e-11  # two columns whose edges turn less than this apart [rad]
 MAX_PIVOTS = 500  # a phase takes 5 to 15
 WRENCH = 6  # rows of a column
@@ -240,7 +240,7 @@ def find_feasible(
     """Phase 1: fills T (zeros before) and `basic` with nonnegative weights that meet the rows.
 
     There are 4 rows, or 6 with the centre of mass over (x, y), by the size of T. Each starts with an artificial column,
-    and the sum of their weights is driven to zero.
+    and the sum of their weights, kept below the basic rows, is driven to zero.
 
     Returns:
         False when no such weights exist.
@@ -276,7 +276,7 @@ def find_feasible(
         if row < 0:
             return False
         pivot(T, basic, w, row, j)
-    return _leftover(T, basic, slack + n) <= FEASIBLE
+    return T[m, m + 1] <= FEASIBLE
 
 
 @njit(cache=True)
@@ -285,13 +285,3 @@ def shift_right_hand_side(T: np.ndarray) -> None:
     m = T.shape[0] - 2
     for i in range(m):
         T[i, m + 1] = max(T[i, m], 0.0) + SHIFT * (1.0 + (i * 0.6180339887498949) % 1.0)
-
-
-@njit(cache=True)
-def _leftover(T: np.ndarray, basic: np.ndarray, artificial: int) -> float:
-    """How far the basic solution is from solving the rows with nonnegative weights; NaN if any weight is."""
-    m = T.shape[0] - 2
-    missing = 0.0
-    for i in range(m):
-        missing += abs(T[i, m]) if basic[i] >= artificial else max(-T[i, m], 0.0) + 0.0 * T[i, m]
-    return missing

@@ -185,10 +185,11 @@ def _multipliers(T: np.ndarray, ux: float, uy: float, y: np.ndarray) -> None:
 def _walk_around(
     contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray, path: np.ndarray
 ) -> int:
-    """Writes the vertices met while the direction u turns once to the left; 0 if the walk fails to close.
+    """Writes the vertices met while the direction u turns once to the left, and returns how many.
 
     u starts at an optimum. The column of the next edge enters; its reduced costs (rx, ry) are that edge's direction, so
-    u becomes (ry, -rx), the edge's outward normal.
+    u becomes (ry, -rx), the edge's outward normal. No column is ever free to grow without end, because normal forces
+    are limited; should rounding say so, or the walk outgrow `path`, it stops with the part of the polygon it has seen.
     """
     m = basic.shape[0]
     y, z = np.empty(WRENCH + m - 4), np.empty(WRENCH + m - 4)
@@ -201,7 +202,7 @@ def _walk_around(
         transform_moving(contacts, generators, T, w, j)
         row = leaving_row(T, w)
         if row < 0:
-            return 0
+            break
         pivot(T, basic, w, row, j)
     path[0, 0], path[0, 1] = -T[m, m], -T[m + 1, m]
     count, turned = 1, 0.0
@@ -221,11 +222,11 @@ def _walk_around(
         if j >= 0:
             row = leaving_row(T, w)
             if row < 0:
-                return 0
+                return count
             pivot(T, basic, w, row, j)
             path[count, 0], path[count, 1] = -T[m, m], -T[m + 1, m]
             count += 1
-    return 0
+    return count
 
 
 @njit(cache=True)
