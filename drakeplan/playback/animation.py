@@ -29,6 +29,7 @@ from drakeplan.playback.still import COM_COLOUR, ROOT
 from scenes.robot import Robot
 
 FRAMES_PER_SECOND = 25.0
+MAX_KEYFRAMES = 70_000  # of all bodies together, some 10 MB of page; tolerances grow until it is kept
 MAX_FRAMES = 6000  # of longer motions fewer frames a second are kept
 POSITION_TOLERANCE = 1.0e-3  # [m] a frame in between may be off by this
 ANGLE_TOLERANCE = 4.0e-3  # [rad]
@@ -87,8 +88,15 @@ def animate(meshcat: Meshcat, plan: Plan, robot: Robot) -> FrameTimes | None:
 
 def _animate_robot(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, robot: Robot, frames: FrameTimes) -> None:
     paths, poses = _body_poses(meshcat, plan, robot, frames)
+    looseness = 1.0
+    while True:
+        kept = [_needed(poses[:, b, 4:], poses[:, b, :4], frames, looseness) for b in range(len(paths))]
+        if sum(map(len, kept)) <= MAX_KEYFRAMES:
+            break
+        looseness *= 1.6
     for b, path in enumerate(paths):
-        _pose_track(animation, path, poses[:, b, 4:], poses[:, b, :4], frames)
+        for f in kept[b].tolist():
+            animation.SetTransform(f, path, RigidTransform(Quaternion(poses[f, b, :4]), poses[f, b, 4:]))
 
 
 def _body_poses(meshcat: Meshcat, plan: Plan, robot: Robot, frames: FrameTimes) -> tuple[list[str], np.ndarray]:
@@ -121,6 +129,8 @@ def _body_poses(meshcat: Meshcat, plan: Plan, robot: Robot, frames: FrameTimes) 
             X_WB = body.EvalPoseInWorld(plant_context)
             poses[f, b, :4] = X_WB.rotation().ToQuaternion().wxyz()
             poses[f, b, 4:] = X_WB.translation()
+    for b in range(len(shown)):
+        poses[:, b, :4] = continuous_signs(poses[:, b, :4])
     return paths, poses
 
 
@@ -145,8 +155,8 @@ def _animate_com(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, fram
     t = plan.centroidal.t - plan.centroidal.t[0]
     com = np.stack([np.interp(frames.t, t, column) for column in plan.centroidal.com.T], axis=1)
     meshcat.SetTransform(path, RigidTransform(com[0]))
-    identity = np.tile([1.0, 0.0, 0.0, 0.0], (len(com), 1))
-    _pose_track(animation, path, com, identity, frames)
+    for f in thin_positions(frames.t, com, POSITION_TOLERANCE).tolist():
+        animation.SetTransform(f, path, RigidTransform(com[f]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,14 +238,9 @@ def _arrow(plan: Plan, centroidal: PlanCentroidal, n: int, effector: int) -> Arr
     return tail, force / size, FORCE_LENGTH * size, True
 
 
-def _pose_track(
-    animation: MeshcatAnimation, path: str, positions: np.ndarray, quaternions: np.ndarray, frames: FrameTimes
-) -> None:
-    """Keyframes of a moving frame, as few as the tolerances allow; quaternions are w x y z."""
-    quaternions = continuous_signs(quaternions)
-    needed = np.union1d(
-        thin_positions(frames.t, positions, POSITION_TOLERANCE),
-        thin_quaternions(frames.t, quaternions, ANGLE_TOLERANCE),
+def _needed(positions: np.ndarray, quaternions: np.ndarray, frames: FrameTimes, looseness: float) -> np.ndarray:
+    """The frames that a moving body needs as keyframes; tolerances are multiplied by `looseness`."""
+    return np.union1d(
+        thin_positions(frames.t, positions, looseness * POSITION_TOLERANCE),
+        thin_quaternions(frames.t, quaternions, looseness * ANGLE_TOLERANCE),
     )
-    for f in needed.tolist():
-        animation.SetTransform(f, path, RigidTransform(Quaternion(quaternions[f]), positions[f]))

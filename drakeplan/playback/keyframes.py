@@ -14,7 +14,7 @@ Errors = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (samples, what a play
 
 def thin_positions(times: np.ndarray, positions: np.ndarray, tolerance: float) -> np.ndarray:
     """Indices of the keyframes that keep (T, 3) positions within `tolerance` [m] under linear interpolation."""
-    return _thin(times, positions, tolerance, lambda samples, shown: np.linalg.norm(samples - shown, axis=1))
+    return _thin(times, positions, tolerance, _distances)
 
 
 def thin_quaternions(times: np.ndarray, quaternions: np.ndarray, tolerance: float) -> np.ndarray:
@@ -33,26 +33,30 @@ def continuous_signs(quaternions: np.ndarray) -> np.ndarray:
     return quaternions * signs[:, None]
 
 
+def _distances(samples: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.square(samples - shown).sum(axis=1))
+
+
 def _angles(samples: np.ndarray, shown: np.ndarray) -> np.ndarray:
     shown = shown / np.maximum(np.linalg.norm(shown, axis=1, keepdims=True), 1e-12)
     return 2.0 * np.arccos(np.clip(np.abs(np.einsum("ij,ij->i", samples, shown)), 0.0, 1.0))
 
 
 def _thin(times: np.ndarray, values: np.ndarray, tolerance: float, errors: Errors) -> np.ndarray:
+    """Splits every span between kept samples at its worst sample, all spans in one sweep, until none is too bad."""
     count = len(times)
     keep = np.zeros(count, dtype=bool)
     keep[[0, -1]] = True
-    open_spans = [(0, count - 1)]
-    while open_spans:
-        first, last = open_spans.pop()
-        if last - first < 2:
-            continue
-        inside = slice(first + 1, last)
-        share = ((times[inside] - times[first]) / (times[last] - times[first]))[:, None]
-        wrong = errors(values[inside], (1.0 - share) * values[first] + share * values[last])
-        worst = int(np.argmax(wrong))
-        if wrong[worst] > tolerance:
-            middle = first + 1 + worst
-            keep[middle] = True
-            open_spans += [(first, middle), (middle, last)]
+    while count > 2:
+        kept = np.flatnonzero(keep)
+        span = np.searchsorted(kept[1:-1], np.arange(count), side="right")  # of each sample
+        first, last = kept[span], kept[span + 1]
+        share = ((times - times[first]) / (times[last] - times[first]))[:, None]
+        wrong = errors(values, (1.0 - share) * values[first] + share * values[last])
+        worst = np.maximum.reduceat(wrong, kept[:-1])
+        candidates = np.flatnonzero((wrong == worst[span]) & (worst[span] > tolerance))
+        if not len(candidates):
+            break
+        _, one_each = np.unique(span[candidates], return_index=True)
+        keep[candidates[one_each]] = True
     return np.flatnonzero(keep)

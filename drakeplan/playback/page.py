@@ -12,7 +12,7 @@ from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR
 # `#t=3.5` in the address stops the motion there; `&still` hides the control panel, `&bare` the legend too.
 CONTROLS = """
 <div id="plan-time" hidden>
-  <button type="button" aria-label="play or pause">&#9208;</button>
+  <button type="button" aria-label="play or pause">||</button>
   <input type="range" min="0" max="1" step="any" value="0" aria-label="time"><output></output>
 </div>
 <script>
@@ -30,7 +30,7 @@ CONTROLS = """
     const show = () => {
       if (document.activeElement !== slider || animator().playing) slider.value = animator().time;
       clock.textContent = animator().time.toFixed(1) + " s";
-      button.textContent = animator().playing ? "\u23f8" : "\u25b6";
+      button.textContent = animator().playing ? "||" : "\u25b6";
       requestAnimationFrame(show);
     };
     button.onclick = () => (animator().playing ? animator().pause() : animator().play());
@@ -44,7 +44,7 @@ CONTROLS = """
         animator().play();
         seek(Math.min(Math.max(parseFloat(wanted.get("t")) || 0, 0), animator().duration));
       }
-      show();
+      if (!wanted.has("still")) show();
     }, 20);
   })();
 </script>

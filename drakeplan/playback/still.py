@@ -140,7 +140,7 @@ def _sun(meshcat: Meshcat, view: View, extent: float) -> None:
     meshcat.SetProperty(sun, "penumbra", 0.2)
     meshcat.SetProperty(sun, "castShadow", True)
     for key in ("width", "height"):
-        meshcat.SetProperty(sun, f"shadow.mapSize.{key}", 4096.0)
+        meshcat.SetProperty(sun, f"shadow.mapSize.{key}", 2048.0)
     meshcat.SetProperty(sun, "shadow.camera.near", 0.3 * distance)
     meshcat.SetProperty(sun, "shadow.camera.far", 2.5 * distance)
     meshcat.SetProperty(sun, "shadow.normalBias", 0.02)

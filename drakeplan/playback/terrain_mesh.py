@@ -50,7 +50,7 @@ def plate_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredM
 
 
 def facet_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMesh:
-    """Bare faces on the mesh that these surfaces are facets of; those in one plane, which may overlap, in one colour."""
+    """Bare faces on the mesh that these surfaces belong to; those in one plane, which may overlap, in one colour."""
     parts, colours = [], []
     planes: dict[tuple[float, ...], int] = {}
     for index in indices:
