@@ -34,7 +34,8 @@ State = tuple[int, int, int, int, int]  # left foot, right foot, left palm, righ
 HeuristicName = Literal["grid", "euclidean", "admissible"]
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
-ARM_SLACK = 1.15
+ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
+TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
 @dataclass(frozen=True)
@@ -241,7 +242,7 @@ class ContactDomain:
 
     def _arm_reaches(self, mean: np.ndarray, yaw: np.ndarray, side: int, palm: int) -> np.ndarray:
         distance = np.linalg.norm(self._shoulders(mean, yaw, side) - self.pool.p[palm], axis=1)
-        return distance <= ARM_SLACK * self.robot.arm_reach[1]
+        return distance <= self.robot.arm_reach[1] + TORSO_SWAY
 
     def _shoulders(self, mean: np.ndarray, yaw: np.ndarray, side: int) -> np.ndarray:
         """(n, 3) approximated shoulder points in W (eq. 3.1)."""
