@@ -132,13 +132,19 @@ class PostureSolver:
         return answer
 
     def _attempt(
-        self, ik: InverseKinematics, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None, q_guess: np.ndarray
+        self,
+        ik: InverseKinematics,
+        X_WE: Sequence[np.ndarray | None],
+        com_region: np.ndarray | None,
+        q_guess: np.ndarray,
     ) -> PostureAnswer:
         self._add_nearness(ik, q_guess)
         result = SnoptSolver().Solve(ik.prog(), q_guess, self._solver_options())
         q = result.GetSolution(ik.q())
         if not np.isfinite(q).all():
-            return PostureAnswer(False, q_guess, (Violation("the solver returned numbers that are not finite", 1.0, 0.0),))
+            return PostureAnswer(
+                False, q_guess, (Violation("the solver returned numbers that are not finite", 1.0, 0.0),)
+            )
         q[:4] /= max(np.linalg.norm(q[:4]), 1e-12)
         violations = self.violations(q, X_WE, com_region)
         return PostureAnswer(not violations, q, violations)
@@ -192,7 +198,9 @@ class PostureSolver:
         found = []
         for pair in scene.ComputeSignedDistancePairwiseClosestPoints(max(least, 0.0)):
             names = " and ".join(self.robot_plant.body_of(g) for g in (pair.id_A, pair.id_B))
-            found.append(Violation(f"{names} closer than {least} m", least - pair.distance, self.options.distance_tolerance))
+            found.append(
+                Violation(f"{names} closer than {least} m", least - pair.distance, self.options.distance_tolerance)
+            )
         return found
 
     def _filtered(self, X_WE: Sequence[np.ndarray | None]) -> _Held:
@@ -268,13 +276,15 @@ def held_context(robot_plant: RobotPlant, held: Sequence[bool]) -> Context:
     terrain = list(robot_plant.terrain_geometry)
     patches = [g for on, ids in zip(held, robot_plant.effector_geometry, strict=True) if on for g in ids]
     if terrain and patches:
-        manager = robot_plant.scene_graph.collision_filter_manager(robot_plant.scene_graph.GetMyContextFromRoot(context))
+        manager = robot_plant.scene_graph.collision_filter_manager(
+            robot_plant.scene_graph.GetMyContextFromRoot(context)
+        )
         manager.Apply(CollisionFilterDeclaration().ExcludeBetween(GeometrySet(patches), GeometrySet(terrain)))
     return context
 
 
 def half_planes(polygon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (V, 2) and b (V,) with A x <= b inside a counter-clockwise polygon (V, 2); rows have unit length, so A x - b is [m]."""
+    """A (V, 2) and b (V,) with A x <= b inside a counter-clockwise polygon (V, 2); rows are unit vectors, b is in m."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     lengths = np.linalg.norm(edges, axis=1)
     keep = lengths > 1e-9

@@ -154,9 +154,7 @@ def _tie_com(robot_plant: RobotPlant, ik, com: np.ndarray) -> None:  # noqa: ANN
     ik.prog().AddConstraint(constraint, np.concatenate([ik.q(), com]))
 
 
-def _com_reach(
-    robot_plant: RobotPlant, effector: int, joints: list[RevoluteJoint], rng: np.random.Generator
-) -> float:
+def _com_reach(robot_plant: RobotPlant, effector: int, joints: list[RevoluteJoint], rng: np.random.Generator) -> float:
     """Greatest distance of the CoM from a patch while the other limbs stand in the nominal posture [m]."""
     plant = robot_plant.plant
     context = plant.CreateDefaultContext()

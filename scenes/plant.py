@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import (
     Box as DrakeBox,
+)
+from pydrake.geometry import (
     Convex,
     GeometryId,
     InMemoryMesh,
@@ -21,18 +24,19 @@ from pydrake.geometry import (
     SceneGraph,
     Shape,
 )
-from pydrake.common import MemoryFile
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from scenes.convex_faces import join_coplanar
 from scenes.effector import EFFECTORS, is_foot
 from scenes.robot import Robot
-from scenes.surface import Surface
+from scenes.surface import Surface, polygon_normal
 from scenes.terrain import Box, Terrain, TriangleMesh
 
+NEAR = 2.0  # [m] further away no part of a robot gets while its contacts stay
 THICKNESS = 0.02  # [m] how far a plate or a mesh's face reaches behind its face
 MIN_ALTITUDE = 1e-4  # [m] triangles flatter than this hold no prism; their neighbours cover them
 OBSTACLE_FRICTION = 0.5  # [-] nothing is planned to touch them
@@ -54,7 +58,7 @@ class RobotPlant:
         plant: robot positions first, so q is the same with and without terrain.
         scene_graph: robot and terrain, roles proximity and illustration.
         diagram: both.
-        surface_geometry: (S) proximity geometry of each surface's plate; None where a mesh is its body.
+        surface_geometry: (S) proximity geometry of each surface's plate; None where a mesh is its body or it is far away.
         terrain_geometry: name of everything that stands still, by proximity geometry.
     """
 
@@ -104,17 +108,33 @@ class RobotPlant:
         return self.plant.GetPositions(context).copy()
 
 
-def build_plant(robot: Robot, terrain: Terrain | None = None, *, meshcat: Meshcat | None = None) -> RobotPlant:
+def build_plant(
+    robot: Robot, terrain: Terrain | None = None, *, meshcat: Meshcat | None = None, near: np.ndarray | None = None
+) -> RobotPlant:
     """Parses the robot and puts the terrain around it.
 
-    A surface becomes a plate, an obstacle's triangle a prism, each a convex body `THICKNESS` deep behind its face; a box
-    stays a box. A surface that is the face of a mesh is not added: the mesh is its body.
+    A surface becomes a plate, an obstacle's faces become prisms, each a convex body `THICKNESS` deep behind its face; a
+    box stays a box. A surface that is the face of a mesh is not added: the mesh is its body. Without terrain and
+    Meshcat the same object comes back each time, so leave the defaults of its plant alone.
 
     Args:
         robot: what to parse.
         terrain: surfaces and obstacles, None for the robot alone.
         meshcat: where to draw, None for nowhere.
+        near: (P, 3) points [m]; only terrain within `NEAR` of one of them is added, None for all. Drake's time and
+            memory for bodies that stand still grow with their square: 600 take 0.4 s, 5000 a minute.
     """
+    if terrain is None and meshcat is None:
+        return _robot_alone(robot)
+    return _build(robot, terrain, meshcat, None if near is None else np.asarray(near, float).reshape(-1, 3))
+
+
+@lru_cache(maxsize=8)
+def _robot_alone(robot: Robot) -> RobotPlant:
+    return _build(robot, None, None, None)
+
+
+def _build(robot: Robot, terrain: Terrain | None, meshcat: Meshcat | None, near: np.ndarray | None) -> RobotPlant:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
     Parser(plant).AddModels(str(robot.model))
@@ -122,15 +142,27 @@ def build_plant(robot: Robot, terrain: Terrain | None = None, *, meshcat: Meshca
     names: dict[GeometryId, str] = {}
     if terrain is not None:
         for k, surface in enumerate(terrain.surfaces):
-            surfaces.append(None if terrain.surfaces_of_meshes[k] else _add_plate(plant, surface, STONES[k % len(STONES)]))
-            if surfaces[-1] is not None:
-                names[surfaces[-1]] = surface.name
+            if terrain.surfaces_of_meshes[k] or not _is_near(surface.vertices[None], near)[0]:
+                surfaces.append(None)
+                continue
+            plate = _add_plate(plant, surface, STONES[k % len(STONES)])
+            surfaces.append(plate)
+            names[plate] = surface.name
         for obstacle in terrain.obstacles:
-            names |= dict.fromkeys(_add_obstacle(plant, obstacle), obstacle.name)
+            names |= dict.fromkeys(_add_obstacle(plant, obstacle, near), obstacle.name)
     plant.Finalize()
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     return RobotPlant(robot, terrain, plant, scene_graph, builder.Build(), tuple(surfaces), names)
+
+
+def _is_near(pieces: np.ndarray, near: np.ndarray | None) -> np.ndarray:
+    """(K,) whether the bounding box of each piece (K, V, 3) is within `NEAR` of one of the points (P, 3)."""
+    if near is None:
+        return np.ones(len(pieces), bool)
+    low, high = pieces.min(axis=1)[:, None], pieces.max(axis=1)[:, None]
+    gap = np.maximum(np.maximum(low - near, near - high), 0.0)
+    return (np.linalg.norm(gap, axis=2) <= NEAR).any(axis=1)
 
 
 def prism(face: np.ndarray, normal: np.ndarray, depth: float = THICKNESS) -> np.ndarray:
@@ -145,8 +177,10 @@ def _add_plate(plant: MultibodyPlant, surface: Surface, stone: tuple[float, ...]
     return _register(plant, plate, RigidTransform(), f"surface::{surface.name}", surface.friction, colour)
 
 
-def _add_obstacle(plant: MultibodyPlant, obstacle: Box | TriangleMesh) -> list[GeometryId]:
+def _add_obstacle(plant: MultibodyPlant, obstacle: Box | TriangleMesh, near: np.ndarray | None) -> list[GeometryId]:
     name = f"obstacle::{obstacle.name}"
+    if not _is_near(obstacle.triangles().reshape(1, -1, 3), near)[0]:
+        return []
     if isinstance(obstacle, Box):
         return [
             _register(plant, DrakeBox(*obstacle.size), RigidTransform(obstacle.X_WO), name, OBSTACLE_FRICTION, OBSTACLE)
@@ -154,13 +188,15 @@ def _add_obstacle(plant: MultibodyPlant, obstacle: Box | TriangleMesh) -> list[G
     faces = _solid_triangles(obstacle.faces)
     looks = Mesh(InMemoryMesh(mesh_file=MemoryFile(_obj(faces), ".obj", _one_line(obstacle.name))))
     plant.RegisterVisualGeometry(plant.world_body(), RigidTransform(), looks, name, np.array(OBSTACLE))
-    doubled = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
     return [
         _register(
-            plant, Convex(prism(face, normal).T, f"triangle {k}"), RigidTransform(), f"{name}::{k}", OBSTACLE_FRICTION
+            plant,
+            Convex(prism(face, polygon_normal(face)).T, f"face {k}"),
+            RigidTransform(),
+            f"{name}::{k}",
+            OBSTACLE_FRICTION,
         )
-        for k, (face, normal) in enumerate(zip(faces, normals, strict=True))
+        for k, face in enumerate(join_coplanar(faces[_is_near(faces, near)]))
     ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -122,10 +122,15 @@ def load_robot(name: str | Path) -> Robot:
     text = str(name)
     if text.endswith((".yaml", ".yml")):
         path = Path(text)
-    elif text in robot_names():
-        path = ROBOTS / text / f"{text}.yaml"
-    else:
+        return _robot(path, read_robot_file(path))
+    if text not in robot_names():
         raise unknown_name("robot", text, robot_names())
+    return _named_robot(text)
+
+
+@lru_cache(maxsize=8)
+def _named_robot(name: str) -> Robot:
+    path = ROBOTS / name / f"{name}.yaml"
     return _robot(path, read_robot_file(path))
 
 

@@ -110,7 +110,9 @@ class _Model:
 
     def content_hash(self) -> str:
         """Sixteen hexadecimal digits over everything that the result depends on."""
-        digest = hashlib.sha256(f"{ADAPTER_VERSION} {self.name} {self.base_body} {sorted(self.nominal.items())}".encode())
+        digest = hashlib.sha256(
+            f"{ADAPTER_VERSION} {self.name} {self.base_body} {sorted(self.nominal.items())}".encode()
+        )
         digest.update(self.package.model_dump_json().encode())
         for path in [self.urdf, *sorted({self.mesh_path(m) for m in self.root.iter("mesh")})]:
             digest.update(path.name.encode() + path.read_bytes())
@@ -149,7 +151,9 @@ class _Model:
         return self.resolve(mesh.get("filename", ""), self.urdf.parent)
 
     def _check_numbers(self) -> None:
-        for element in self.root.iter("mass", "inertia", "origin", "axis", "limit", "box", "sphere", "cylinder", "mesh"):
+        for element in self.root.iter(
+            "mass", "inertia", "origin", "axis", "limit", "box", "sphere", "cylinder", "mesh"
+        ):
             for key, value in element.attrib.items():
                 if key == "filename":
                     continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,7 @@ from scenes.strict_yaml import key_path, load_yaml, read_text
 
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
-    if any(b < a for a, b in zip(values, values[1:], strict=False)):
+    if any(b < a for a, b in pairwise(values)):
         raise ValueError("expected numbers that do not decrease")
     return values
 
@@ -115,7 +116,7 @@ def read_robot_file(path: Path) -> RobotEntry:
     """Reads and checks a robot's YAML file.
 
     Raises:
-        InputError: it is missing, too large, no YAML, or a key is wrong; the line names file, key and what was expected.
+        InputError: it is missing, too large, no YAML, or a key is wrong; the line names file and key.
     """
     data = load_yaml(read_text(path), str(path))
     if not isinstance(data, dict) or data.get("format") != "drakeplan-robot":

@@ -1,8 +1,8 @@
-"""Writes escher.urdf: a humanoid of primitive shapes with the figures of ESCHER (Lin 2020 sec. 4.6: 33 DOF in that setup).
+"""Writes escher.urdf: a humanoid of primitive shapes with the figures of ESCHER (33 DOF as in Lin 2020 sec. 4.6).
 
 Run `python scenes/robots/escher/make_escher.py` after changing a number here; a test checks that the file follows.
 Every link is a list of uniform solids, so masses, centres and inertias follow from the shapes that are drawn.
-x is forward, y left, z up; in the zero posture the robot stands straight with its arms hanging and its palms facing down.
+x is forward, y left, z up; in the zero posture the robot stands straight, arms hanging, palms facing down.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ class Solid:
     """A uniform solid of a link: drawn, and in collision when `collides`.
 
     Attributes:
-        shape: box (x, y, z full edges), capsule or cylinder (radius, length along z), sphere (radius), ellipsoid (semi-axes).
+        shape: box (x, y, z full edges), capsule or cylinder (radius, length along z), sphere (radius),
+            ellipsoid (semi-axes).
         size: numbers of the shape [m].
         at: centre in the link frame [m].
         colour: a name in `COLOURS`; None is not drawn.
@@ -63,11 +64,19 @@ class Solid:
         """(3, 3) about its own centre, in the link's axes [kg m^2]."""
         m, s = self.mass, self.size
         if self.shape == "box":
-            diagonal = [m / 12 * (s[1] ** 2 + s[2] ** 2), m / 12 * (s[0] ** 2 + s[2] ** 2), m / 12 * (s[0] ** 2 + s[1] ** 2)]
+            diagonal = [
+                m / 12 * (s[1] ** 2 + s[2] ** 2),
+                m / 12 * (s[0] ** 2 + s[2] ** 2),
+                m / 12 * (s[0] ** 2 + s[1] ** 2),
+            ]
         elif self.shape == "sphere":
             diagonal = [0.4 * m * s[0] ** 2] * 3
         elif self.shape == "ellipsoid":
-            diagonal = [m / 5 * (s[1] ** 2 + s[2] ** 2), m / 5 * (s[0] ** 2 + s[2] ** 2), m / 5 * (s[0] ** 2 + s[1] ** 2)]
+            diagonal = [
+                m / 5 * (s[1] ** 2 + s[2] ** 2),
+                m / 5 * (s[0] ** 2 + s[2] ** 2),
+                m / 5 * (s[0] ** 2 + s[1] ** 2),
+            ]
         else:  # a capsule weighs like a cylinder of its full length
             length = s[1] + (2 * s[0] if self.shape == "capsule" else 0.0)
             across = m / 12 * (3 * s[0] ** 2 + length**2)
@@ -183,9 +192,12 @@ def left_leg() -> dict[str, list[Solid]]:
 
 
 def left_arm() -> dict[str, list[Solid]]:
-    """Shoulder to palm; the frame of left_palm is the centre of the palm, z towards the forearm, x along the fingers."""
+    """Shoulder to palm; left_palm's frame is the centre of the palm, z towards the forearm, x along the fingers."""
     side, thickness = 2 * (PALM[0] - HAIR), 0.02
-    fingers = [Solid("capsule", (0.009, 0.032), (0.022, y, 0.012), FRAME, 0, False, ALONG_X) for y in (-0.03, -0.01, 0.01, 0.03)]
+    fingers = [
+        Solid("capsule", (0.009, 0.032), (0.022, y, 0.012), FRAME, 0, False, ALONG_X)
+        for y in (-0.03, -0.01, 0.01, 0.03)
+    ]
     return {
         "left_shoulder_pitch_link": [Solid("cylinder", (0.055, 0.07), (0, -0.01, 0), FRAME, 1.1, False, ALONG_Y)],
         "left_shoulder_roll_link": [Solid("sphere", (0.062,), (0, 0, 0), SHELL, 0.8)],
@@ -223,8 +235,12 @@ def left_joints() -> list[Joint]:
         Joint(s + "ankle_pitch", s + "shin", s + "ankle_link", (0, 0, -SHIN), Y, -1.0, 0.8, 200, 10),
         Joint(s + "ankle_roll", s + "ankle_link", s + "ankle_roll_link", (0, 0, 0), X, -0.6, 0.6, 130, 10),
         Joint(s + "sole", s + "ankle_roll_link", s + "foot", (ANKLE_BACK, 0, -ANKLE_HEIGHT)),
-        Joint(s + "shoulder_pitch", "torso", s + "shoulder_pitch_link", (0, SHOULDER_Y, SHOULDER_Z), Y, -3.0, 1.4, 120, 9),
-        Joint(s + "shoulder_roll", s + "shoulder_pitch_link", s + "shoulder_roll_link", (0, 0, 0), X, -0.25, 2.6, 120, 9),
+        Joint(
+            s + "shoulder_pitch", "torso", s + "shoulder_pitch_link", (0, SHOULDER_Y, SHOULDER_Z), Y, -3.0, 1.4, 120, 9
+        ),
+        Joint(
+            s + "shoulder_roll", s + "shoulder_pitch_link", s + "shoulder_roll_link", (0, 0, 0), X, -0.25, 2.6, 120, 9
+        ),
         Joint(s + "shoulder_yaw", s + "shoulder_roll_link", s + "upper_arm", (0, 0, 0), Z, -1.9, 1.9, 70, 9),
         Joint(s + "elbow", s + "upper_arm", s + "forearm", (0, 0, -UPPER_ARM), Y, -2.4, -0.03, 90, 9),
         Joint(s + "wrist_yaw", s + "forearm", s + "wrist_yaw_link", (0, 0, -FOREARM), Z, -2.0, 2.0, 40, 11),
@@ -276,7 +292,10 @@ def urdf() -> str:
             group = f"{side}{a}_{b}".replace(side + side, side)
             lines.append(f'  <drake:collision_filter_group name="{group}">')
             lines += [f'    <drake:member link="{name}"/>' for name in (a, b)]
-            lines += [f'    <drake:ignored_collision_filter_group name="{group}"/>', "  </drake:collision_filter_group>"]
+            lines += [
+                f'    <drake:ignored_collision_filter_group name="{group}"/>',
+                "  </drake:collision_filter_group>",
+            ]
     return "\n".join([*lines, "</robot>", ""])
 
 
@@ -331,7 +350,8 @@ def _joint(j: Joint) -> list[str]:
         f'  <joint name="{j.name}" type="revolute">{ends}',
         f'    <axis xyz="{_vector(j.axis)}"/><limit {text}/><dynamics damping="0.1"/></joint>',
         f'  <transmission name="{j.name}_transmission"><type>transmission_interface/SimpleTransmission</type>',
-        f'    <joint name="{j.name}"/><actuator name="{j.name}"><mechanicalReduction>1</mechanicalReduction></actuator>',
+        f'    <joint name="{j.name}"/>',
+        f'    <actuator name="{j.name}"><mechanicalReduction>1</mechanicalReduction></actuator>',
         "  </transmission>",
     ]
 
