@@ -5,13 +5,8 @@ The same plan gives the same bytes: no time stamps, one order, no compression.
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import io
 import json
-import os
-import secrets
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -20,6 +15,8 @@ import h5py
 import numpy as np
 
 from drakeplan.plan import COMPLETE, CONTACTS_ONLY, Plan, PlanCentroidal, PlanContacts, PlanMotion, PlanPhases
+from drakeplan.whole_file import require_writable as require_writable
+from drakeplan.whole_file import write_whole
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 
@@ -61,28 +58,7 @@ def write_plan(plan: Plan, path: str | Path) -> None:
     Raises:
         InputError: the file cannot be written there.
     """
-    path = Path(path)
-    require_writable(path)
-    try:
-        _replace_file(path, _plan_bytes(plan))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-
-
-def require_writable(path: str | Path) -> None:
-    """Says early, before a long computation, that a file cannot be written at `path`.
-
-    Raises:
-        InputError: no such folder, not a folder, not permitted, or `path` is a folder.
-    """
-    path = Path(path)
-    folder = path.parent
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: cannot be written (it is {'a folder' if path.is_dir() else 'not a plain file'})")
-    if not folder.is_dir():
-        raise InputError(f"{path}: cannot be written (there is no folder {folder})")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{path}: cannot be written (no permission to write in {folder})")
+    write_whole(path, _plan_bytes(plan))
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -249,57 +225,6 @@ def _arrays(plan: Plan) -> dict[str, object]:
     return arrays
 
 
-def _replace_file(path: Path, content: bytes) -> None:
-    """Puts `content` at `path` in one step, on the disk before it is seen.
-
-    On Linux the file has no name until it is whole, so a kill leaves nothing behind; elsewhere a temporary file beside it.
-    """
-    folder = path.parent
-    temporary = folder / f".{path.name}.{secrets.token_hex(4)}.tmp"
-    try:
-        descriptor = _open_nameless(folder)
-        named = descriptor is None
-        if descriptor is None:
-            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-            if not named:
-                _give_name(file.fileno(), temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise
-    directory = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
-
-
-def _open_nameless(folder: Path) -> int | None:
-    """A descriptor of a file without a name in `folder`, or None where the system has no such thing."""
-    if not hasattr(os, "O_TMPFILE") or not os.path.exists("/proc/self/fd"):
-        return None
-    try:
-        return os.open(folder, os.O_WRONLY | os.O_TMPFILE, 0o666)
-    except OSError as error:
-        if error.errno in (errno.EOPNOTSUPP, errno.EISDIR, errno.ENOENT, errno.EINVAL):
-            return None
-        raise
-
-
-def _give_name(descriptor: int, path: Path) -> None:
-    """Links a nameless file into its folder (linkat with AT_SYMLINK_FOLLOW: os.link needs a directory to use it)."""
-    root = os.open("/", os.O_RDONLY)
-    try:
-        os.link(f"/proc/self/fd/{descriptor}", path, src_dir_fd=root, follow_symlinks=True)
-    finally:
-        os.close(root)
-
-
 # ---- reading
 
 
@@ -425,7 +350,7 @@ def _texts(file: h5py.File, name: str) -> tuple[str, ...]:
     if h5py.check_string_dtype(dataset.dtype) is None:
         raise InputError(f"{name}: expected text, got {dataset.dtype}")
     try:
-        values: Sequence[str] = np.atleast_1d(dataset.asstr("utf-8")[()])
+        values = np.atleast_1d(dataset.asstr("utf-8")[()])
     except UnicodeDecodeError:
         raise InputError(f"{name}: expected UTF-8 text") from None
     return tuple(str(value) for value in values)

@@ -342,10 +342,10 @@ def _read_plan(path: Path) -> _PlanFile:
 
 
 def _read_content(path: Path, file: h5py.File) -> _PlanFile:
-    attributes = {key: file.attrs.get(key) for key in TEXTS}
-    if attributes["format"] != FORMAT or file.attrs.get("version") != VERSION:
+    if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
         raise UnreadablePlan(f"expected format {FORMAT!r} version {VERSION}")
-    missing = [key for key, value in attributes.items() if not isinstance(value, str)]
+    attributes = {key: value for key in TEXTS if isinstance(value := file.attrs.get(key), str)}
+    missing = [key for key in TEXTS if key not in attributes]
     if missing:
         raise UnreadablePlan(f"attribute {missing[0]}: expected text")
     if attributes["status"] not in ("complete", "contacts"):
@@ -770,17 +770,18 @@ def _distance_to_cones(blocks: Sequence[np.ndarray], wrenches: np.ndarray) -> np
     for first in range(0, len(blocks), 128):
         part = blocks[first : first + 128]
         slack = scipy.sparse.identity(6 * len(part), format="csc")
-        A = scipy.sparse.hstack([scipy.sparse.block_diag(part, format="csc"), slack, -slack], format="csc")
-        cost = np.ones(A.shape[1])
-        cost[: -12 * len(part)] = 0.0
+        cones = scipy.sparse.block_diag(part, format="csc")
+        A = scipy.sparse.hstack([cones, slack, -slack], format="csc")
+        num_rays = sum(block.shape[1] for block in part)
+        cost = np.concatenate([np.zeros(num_rays), np.ones(12 * len(part))])
         target = wrenches[first : first + 128].ravel()
         answer = scipy.optimize.linprog(cost, A_eq=A, b_eq=target, method="highs")
         if answer.x is None:
             distances.append(np.full(len(part), np.nan))
             continue
         # The solver's word is not taken: the distance is what its forces leave of the wrench.
-        x = np.maximum(answer.x[: -12 * len(part)], 0.0)
-        distances.append(np.abs(A[:, : len(x)] @ x - target).reshape(-1, 6).sum(axis=1))
+        rest = cones @ np.maximum(answer.x[:num_rays], 0.0) - target
+        distances.append(np.abs(rest).reshape(-1, 6).sum(axis=1))
     return np.concatenate(distances)
 
 
@@ -824,7 +825,7 @@ def _imbalance(plan: _PlanFile, held: np.ndarray, com: np.ndarray) -> float:
         return np.inf
     half = plan["effectors_half_extent"][plan["contacts/effector"]]
     blocks = [
-        _corner_wrenches(plan["contacts/X_WC"][c], half[c], TRUE_CONE.rays(plan["contacts/friction"][c]), com)
+        _corner_wrenches(plan["contacts/X_WC"][c], half[c], TRUE_CONE.rays(float(plan["contacts/friction"][c])), com)
         for c in rows
     ]
     return float(_distance_to_cones([np.hstack(blocks)], np.array([[0, 0, 1.0, 0, 0, 0]]))[0])
@@ -841,7 +842,7 @@ class _RobotModel:
         builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         try:
-            Parser(self.plant).AddModels(str(model))
+            Parser(self.plant).AddModels(model)
             for k, piece in enumerate(pieces):
                 name = f"piece {k}"
                 friction = CoulombFriction(1.0, 1.0)
@@ -1020,7 +1021,8 @@ def _check_collisions(
         "terrain collision": PENETRATION,
         "sole and palm collision": SOLE_PENETRATION,
     }
-    worst = dict.fromkeys(limits, (0.0, "nowhere") if len(radii) else (np.nan, "the model has no collision shapes"))
+    nothing = (0.0, "nowhere") if len(radii) else (np.nan, "the model has no collision shapes")
+    worst: dict[str, tuple[float, str]] = dict.fromkeys(limits, nothing)
     for frames, near in _groups(origins, radii, pieces) if len(radii) else ():
         _penetrate(plan, robot.model, [pieces[k] for k in near], frames, worst)
     for name, (depth, where) in worst.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import os
 import random
 import signal
@@ -16,7 +17,8 @@ import numpy as np
 import pytest
 
 from drakeplan.plan import Plan, PlanContacts, PlanPhases, tabulate_stances
-from drakeplan.plan_file import DATASETS, inspect_plan, read_plan, require_writable, write_plan
+from drakeplan.plan_file import DATASETS, inspect_plan, read_plan, write_plan
+from drakeplan.whole_file import require_writable
 from scenes.input_error import InputError
 
 
@@ -155,6 +157,29 @@ def test_killed_at_any_moment_a_writer_leaves_the_old_file_the_new_one_or_none(
     if hasattr(os, "O_TMPFILE"):  # elsewhere a kill may leave a hidden temporary file
         strays = [p for p in tmp_path.iterdir() if p != path]
         assert len(strays) <= 1, "only the moment between naming and renaming may leave a file"
+
+
+def test_without_nameless_files_a_plan_is_written_all_the_same(
+    strolling_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(os, "O_TMPFILE")
+    write_plan(strolling_plan, tmp_path / "plan.h5")
+    assert read_plan(tmp_path / "plan.h5").status == "complete"
+    assert list(tmp_path.iterdir()) == [tmp_path / "plan.h5"]
+
+
+def test_a_full_disk_leaves_the_old_plan(
+    strolling_plan: Plan, plan_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    before = plan_path.read_bytes()
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        write_plan(without_motion(strolling_plan), plan_path)
+    assert plan_path.read_bytes() == before
+    assert list(plan_path.parent.iterdir()) == [plan_path]
 
 
 def test_a_plan_that_cannot_be_written_leaves_the_old_one(strolling_plan: Plan, plan_path: Path) -> None:
