@@ -7,6 +7,7 @@ each phase boundary gives the CoM a course that statics and kinematics agree on,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
 from drakeplan.encounters import ProximityMonitor
-from drakeplan.phases import Schedule
+from drakeplan.phases import MOVE, Schedule
+from drakeplan.swing import SwingCurve
 from optimization.friction import cone_generators
 from optimization.kinematic_tree import KinematicTree
 from optimization.kinematics import Kinematics
@@ -31,6 +33,8 @@ MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.03  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
+HALFWAY = 0.45  # share of a swing at which its middle posture is taken
+FLY = (30.0, 0.3)  # weights of place and turn of the end effector in the air there
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
 ROUNDS = 4  # of moving bodies apart
 
@@ -130,6 +134,48 @@ def solve_key_postures(
     return keys
 
 
+def solve_swing_postures(
+    robot: Robot,
+    ik: WholeBodyIK,
+    schedule: Schedule,
+    keys: KeyPostures,
+    swings: Sequence[SwingCurve],
+    monitor: ProximityMonitor,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Postures in the middle of the swings, solved afresh: what lies between two keys need not bend the knee.
+
+    Returns:
+        t (n,) [s] and q (n, nq), one for each end effector that moves from contact to contact.
+    """
+    moves = [k for k in range(len(swings)) if schedule.kind(k) == MOVE]
+    num_effectors = schedule.stance_contact.shape[1]
+    X_WE = np.tile(np.eye(4), (len(moves), num_effectors, 1, 1))
+    place, com = np.zeros((len(moves), num_effectors)), np.zeros((len(moves), 3))
+    t, q = np.zeros(len(moves)), np.zeros((len(moves), len(robot.q_nominal)))
+    for i, k in enumerate(moves):
+        phase = schedule.phases[2 * k + 1]
+        t[i] = phase.start + HALFWAY * (phase.end - phase.start)
+        com[i] = keys.com[2 * k + 1] + HALFWAY * (keys.com[2 * k + 2] - keys.com[2 * k + 1])
+        for e, c in enumerate(phase.contacts):
+            if c >= 0:
+                X_WE[i, e], place[i, e] = schedule.contacts[c].X_WC, HOLD
+        X_WE[i, phase.mover], place[i, phase.mover] = swings[k].poses(np.array([HALFWAY]))[0], FLY[0]
+        before, after = (_stand(schedule, schedule.stance_contact[j]) for j in (k, k + 1))
+        feet, heading = (0.5 * (before[j] + after[j]) for j in (0, 1))
+        q[i] = standing_over(robot.q_nominal, feet, heading)
+    tree = ik.kinematics.tree
+    turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
+    targets = TrackingTargets(
+        X_WE, place, turn, com, np.full((len(moves), 3), COM), q, posture_weight(len(tree.lower)),
+        tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
+    )  # fmt: skip
+    if not moves:
+        return t, q
+    answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
+    placed = np.where(place > 0.0, 0, -1)
+    return t, _apart(tree, monitor, targets, answer, placed).q
+
+
 def _apart(
     tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
     placed: np.ndarray,
@@ -204,12 +250,13 @@ def _boundary_contacts(schedule: Schedule) -> tuple[np.ndarray, np.ndarray]:
 
 def _stands(schedule: Schedule, placed: np.ndarray) -> list[tuple[np.ndarray, float]]:
     """Mean of the feet [m] and heading [rad] at every boundary."""
-    stands = []
-    for row in placed:
-        left, right = schedule.contacts[row[0]], schedule.contacts[row[1]]
-        x = left.R_WC[:2, 0] + right.R_WC[:2, 0]
-        stands.append((0.5 * (left.p_WC + right.p_WC), float(np.arctan2(x[1], x[0]))))
-    return stands
+    return [_stand(schedule, row) for row in placed]
+
+
+def _stand(schedule: Schedule, row: np.ndarray) -> tuple[np.ndarray, float]:
+    left, right = schedule.contacts[row[0]], schedule.contacts[row[1]]
+    x = left.R_WC[:2, 0] + right.R_WC[:2, 0]
+    return 0.5 * (left.p_WC + right.p_WC), float(np.arctan2(x[1], x[0]))
 
 
 def _targets(

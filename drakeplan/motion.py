@@ -17,7 +17,7 @@ import numpy as np
 
 from drakeplan.dynamics import BOX, centroidal_options, com_course, relaxed, solve_dynamics
 from drakeplan.encounters import Encounters, ProximityMonitor
-from drakeplan.key_postures import BalanceRegions, KeyPostures, solve_key_postures
+from drakeplan.key_postures import BalanceRegions, KeyPostures, solve_key_postures, solve_swing_postures
 from drakeplan.motion_check import Problem, find_problems, transition_of, velocities
 from drakeplan.motion_targets import (
     Detour,
@@ -26,6 +26,7 @@ from drakeplan.motion_targets import (
     frame_of,
     motion_targets,
     plan_swings,
+    posture_reference,
     smooth_com,
 )
 from drakeplan.phases import MOVE, Schedule, make_schedule
@@ -256,7 +257,13 @@ class _Frames:
         maker = self.maker
         self.swings = plan_swings(maker.robot, maker.packed, self.schedule, self.detours, maker.options.clearance)
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
-        self.targets = motion_targets(self.tree, self.schedule, self.swings, self.keys.q, com, self.t)
+        swing_t, swing_q = solve_swing_postures(
+            maker.robot, maker.ik, self.schedule, self.keys, self.swings, maker.monitor
+        )
+        key_t = np.concatenate([self.schedule.boundaries, swing_t])
+        order = np.argsort(key_t)
+        q_ref = posture_reference(key_t[order], np.concatenate([self.keys.q, swing_q])[order], self.t)
+        self.targets = motion_targets(self.tree, self.schedule, self.swings, q_ref, com, self.t)
         self._aim()
 
     def _aim(self) -> None:

@@ -110,21 +110,19 @@ def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray) -> np.ndar
     return X
 
 
-def posture_reference(schedule: Schedule, key_q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(T, nq) smooth course through the key postures (P + 1, nq), at rest at both ends, without overshoot."""
+def posture_reference(key_t: np.ndarray, key_q: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(T, nq) smooth course through the key postures (n, nq) at key_t (n,), at rest at both ends, without overshoot."""
     q = np.array(key_q)
     for b in range(1, len(q)):
         if q[b, :4] @ q[b - 1, :4] < 0.0:
             q[b, :4] *= -1.0
-    boundaries = schedule.boundaries
     slope = np.zeros_like(q)
-    before, after = np.diff(q, axis=0)[:-1], np.diff(q, axis=0)[1:]
-    dt = np.diff(boundaries)[:, None]
-    before, after = before / dt[:-1], after / dt[1:]
+    secant = np.diff(q, axis=0) / np.diff(key_t)[:, None]
+    before, after = secant[:-1], secant[1:]
     # Harmonic mean where both neighbours go the same way, rest at turning points (Fritsch & Butland 1984).
     same = before * after > 0.0
     slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
-    course = CubicHermiteSpline(boundaries, q, slope)(t)
+    course = CubicHermiteSpline(key_t, q, slope)(t)
     course[:, :4] /= np.linalg.norm(course[:, :4], axis=1, keepdims=True)
     return course
 
@@ -140,7 +138,7 @@ def motion_targets(
     tree: KinematicTree,
     schedule: Schedule,
     swings: Sequence[SwingCurve],
-    key_q: np.ndarray,
+    q_ref: np.ndarray,
     com: np.ndarray,
     t: np.ndarray,
 ) -> TrackingTargets:
@@ -152,7 +150,7 @@ def motion_targets(
         turn_weight=weight[:, :, 1],
         com=com,
         com_weight=np.full((len(t), 3), COM),
-        q_ref=posture_reference(schedule, key_q, t),
+        q_ref=q_ref,
         posture_weight=posture_weight(len(tree.lower)),
         lower=tree.lower + LIMIT_SLACK,
         upper=tree.upper - LIMIT_SLACK,
