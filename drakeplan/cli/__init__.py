@@ -48,7 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit status; `argv` without the program's name, by default the process's."""
     tokens = list(sys.argv[1:] if argv is None else argv)
     try:
-        return _dispatch(tokens)
+        status = _dispatch(tokens)
+        sys.stdout.flush()  # here, where a reader who has gone can still be caught
+        return status
     except InputError as error:
         return _fail(str(error), BAD_INPUT, "bad input", tokens)
     except KeyboardInterrupt:

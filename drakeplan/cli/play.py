@@ -60,6 +60,10 @@ def run(arguments: Arguments) -> int:
             return 0
     from drakeplan.playback import open_meshcat, show_plan
 
+    ends = {signal.SIGINT, signal.SIGTERM}
+    before = signal.pthread_sigmask(
+        signal.SIG_BLOCK, ends
+    )  # Meshcat's threads inherit this: only sigwait may take them
     meshcat = open_meshcat(arguments.port)
     show_plan(plan, meshcat)
     if arguments.json:
@@ -68,5 +72,6 @@ def run(arguments: Arguments) -> int:
         print(meshcat.web_url())
     sys.stdout.flush()
     print("serving until Ctrl-C", file=sys.stderr)
-    signal.sigwait({signal.SIGINT, signal.SIGTERM})
+    signal.sigwait(ends)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return 0
