@@ -61,9 +61,7 @@ def run(arguments: Arguments) -> int:
     from drakeplan.playback import open_meshcat, show_plan
 
     ends = {signal.SIGINT, signal.SIGTERM}
-    before = signal.pthread_sigmask(
-        signal.SIG_BLOCK, ends
-    )  # Meshcat's threads inherit this: only sigwait may take them
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ends)  # for Meshcat's threads too
     meshcat = open_meshcat(arguments.port)
     show_plan(plan, meshcat)
     if arguments.json:
