@@ -735,13 +735,14 @@ def wrench_distance(
     distance = np.zeros(len(f_C))
     weights = np.prod(1 + signs * (cop_C / half)[:, None], axis=2) / 4  # (K, 4), sum 1
     arms = signs * half[:, None] - cop_C[:, None]  # (K, 4, 2) from the centre of pressure to the corners
-    inertia = np.maximum((weights * (arms**2).sum(2)).sum(1), 1e-12)
-    turn = torque_n / inertia
+    inertia = (weights * (arms**2).sum(2)).sum(1)  # [m^2], 0 at a corner: no torque there
+    turn = torque_n / np.maximum(inertia, 1e-9)
     tangential = f_C[:, None, :2] + turn[:, None, None] * np.stack([-arms[..., 1], arms[..., 0]], axis=2)
     used = weights > 1e-9
     load = np.maximum(f_C[:, 2], 1e-12)
     needed = np.where(used, cone.gauge(tangential / load[:, None, None]), 0.0).max(axis=1)
     simple = (weights.min(axis=1) >= 0) & (f_C[:, 2] > 0) & (needed <= friction * (1 + 1e-9))
+    simple &= (inertia > 1e-9) | (np.abs(torque_n) < 1e-10)
     simple |= (np.abs(f_C).max(axis=1) < 1e-10) & (np.abs(torque_n) < 1e-10)
     rest = np.flatnonzero(~simple)
     if not len(rest):
