@@ -247,7 +247,7 @@ def _thin(path: np.ndarray, count: int, out: np.ndarray) -> int:
             kept, last = kept + 1, i
         if fits:
             break
-        slack = max(4.0 * slack, COARSER)
+        slack = max(1.5 * slack, COARSER)
     if kept > 2 and _distance(out[0, 0], out[0, 1], out, kept - 1, 1) <= DISTINCT:
         kept -= 1
         for i in range(kept):
