@@ -58,7 +58,7 @@ class RobotPlant:
         plant: robot positions first, so q is the same with and without terrain.
         scene_graph: robot and terrain, roles proximity and illustration.
         diagram: both.
-        surface_geometry: (S) proximity geometry of each surface's plate; None where a mesh is its body or it is far away.
+        surface_geometry: (S) proximity geometry of each surface's plate; None for a mesh's face and for one far away.
         terrain_geometry: name of everything that stands still, by proximity geometry.
     """
 
