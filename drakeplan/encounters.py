@@ -13,6 +13,7 @@ from optimization.posture_tracking import DistanceRows
 from scenes.effector import EFFECTORS
 from scenes.plant import RobotPlant
 
+KEEP = 30.0  # weight of a distance [1/m]
 TERRAIN = -1  # the "link" of everything that stands still
 
 
@@ -52,8 +53,8 @@ class Encounters:
         """(R,) bool, True where one of the two stands still."""
         return (self.link == TERRAIN).any(axis=1)
 
-    def rows(self, num_frames: int, wanted: np.ndarray) -> DistanceRows:
-        """Rows that ask each pair for the distance `wanted` (R,) [m] in its frame."""
+    def rows(self, num_frames: int, wanted: np.ndarray, weight: np.ndarray | float = KEEP) -> DistanceRows:
+        """Rows that ask each pair for the distance `wanted` (R,) [m] in its frame, so hard (R,) [1/m]."""
         start = np.searchsorted(self.frame, np.arange(num_frames + 1)).astype(np.int64)
         return DistanceRows(
             start,
@@ -61,6 +62,7 @@ class Encounters:
             np.ascontiguousarray(self.point),
             np.ascontiguousarray(self.normal),
             np.ascontiguousarray(wanted, dtype=float),
+            np.array(np.broadcast_to(weight, len(self)), dtype=float),
         )
 
 
@@ -117,3 +119,13 @@ class ProximityMonitor:
             np.array(effector, dtype=np.int64),
             tuple(bodies),
         )
+
+
+def joined(first: Encounters, second: Encounters) -> Encounters:
+    """Both, sorted by frame."""
+    frame = np.concatenate([first.frame, second.frame])
+    order = np.argsort(frame, kind="stable")
+    names = ("distance", "link", "point", "normal", "effector")
+    arrays = [np.concatenate([getattr(first, n), getattr(second, n)])[order] for n in names]
+    bodies = first.bodies + second.bodies
+    return Encounters(frame[order], *arrays, tuple(bodies[i] for i in order))

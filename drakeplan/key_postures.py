@@ -15,11 +15,11 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
-from drakeplan.encounters import ProximityMonitor
+from drakeplan.encounters import KEEP, Encounters, ProximityMonitor, joined
 from drakeplan.phases import MOVE, Schedule
 from drakeplan.swing import SwingCurve
 from optimization.friction import cone_generators
-from optimization.kinematic_tree import KinematicTree
+from optimization.kinematic_tree import KinematicTree, forward
 from optimization.kinematics import Kinematics
 from optimization.posture_tracking import LEVER, TrackedPostures, TrackingTargets, track_postures
 from optimization.static_equilibrium import com_polygon
@@ -33,6 +33,7 @@ MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.03  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
+RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
 HALFWAY = 0.45  # share of a swing at which its middle posture is taken
 FLY = (30.0, 0.3)  # weights of place and turn of the end effector in the air there
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
@@ -129,7 +130,7 @@ def solve_key_postures(
         solve = np.isin(np.arange(len(q)), failures)
         q = np.where(solve[:, None], targets.q_ref, answer.q)
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
-        answer = _apart(tree, monitor, targets, answer, placed)
+        answer = _apart(tree, monitor, targets, answer, placed, reserve=0.0)
         keys = _judged(ik.kinematics, answer, polygons)
     return keys
 
@@ -178,20 +179,65 @@ def solve_swing_postures(
 
 def _apart(
     tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
-    placed: np.ndarray,
+    placed: np.ndarray, reserve: float = RESERVE,
 ) -> TrackedPostures:  # fmt: skip
-    """Moves bodies apart that are nearer than `APART`; contacts in place stay."""
+    """Moves bodies apart that are nearer than `APART`, and hips to where no leg is straight; contacts in place stay."""
+    num = len(answer.q)
     for _ in range(ROUNDS):
-        met = monitor.near(answer.q, range(len(answer.q)), SEEN)
+        met = monitor.near(answer.q, range(num), SEEN)
         met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
-        close = np.zeros(len(answer.q), dtype=bool)
+        legs, room = _legs(tree, answer.q)
+        close = np.zeros(num, dtype=bool)
         close[met.frame[met.distance < APART - 2e-3]] = True
+        close[legs.frame[room < reserve - 2e-3]] = True
         if not close.any():
             break
-        rows = met.rows(len(answer.q), np.full(len(met), APART))
+        both = joined(met, legs)
+        stretched = np.isinf(both.distance)
+        wanted = np.full(len(both), APART)
+        wanted[stretched] = reserve - _lengths(tree)[both.effector[stretched]]
+        rows = both.rows(num, wanted, np.where(stretched, BEND, KEEP))
         targets = replace(targets, rows=rows)
         answer = track_postures(tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
     return answer
+
+
+def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
+    """Both legs in every configuration as pairs (hip, ankle) that must not be further apart than wanted.
+
+    The normal points from hip to ankle, so that the distance along it is minus their distance. Returns the pairs, with
+    an infinite `distance` to tell them by, and (R,) what is left of each leg's length [m].
+    """
+    num_links = tree.parent.shape[0]
+    R, p = np.empty((num_links, 3, 3)), np.empty((num_links, 3))
+    links = [(_chain(tree, e)[-1], int(tree.frame_link[e])) for e in (0, 1)]
+    normal, room = np.empty((len(q), 2, 3)), np.empty((len(q), 2))
+    lengths = _lengths(tree)
+    for b, row in enumerate(q):
+        forward(tree, row, R, p)
+        for e, (hip, ankle) in enumerate(links):
+            leg = p[ankle] - p[hip]
+            length = max(float(np.linalg.norm(leg)), 1e-6)
+            normal[b, e], room[b, e] = leg / length, lengths[e] - length
+    count = 2 * len(q)
+    pairs = Encounters(
+        np.repeat(np.arange(len(q)), 2), np.full(count, np.inf), np.tile(np.array(links), (len(q), 1)),
+        np.zeros((count, 2, 3)), normal.reshape(-1, 3), np.tile([0, 1], len(q)), (("hip", "ankle"),) * count,
+    )  # fmt: skip
+    return pairs, room.ravel()
+
+
+def _chain(tree: KinematicTree, e: int) -> list[int]:
+    """Links from the one that carries end effector e up to the first below the base."""
+    chain = [int(tree.frame_link[e])]
+    while tree.parent[chain[-1]] > 0:
+        chain.append(int(tree.parent[chain[-1]]))
+    return chain
+
+
+def _lengths(tree: KinematicTree) -> np.ndarray:
+    """(2,) length of each leg stretched, from its first joint to its last [m]."""
+    return np.array([np.linalg.norm(tree.p_PF[_chain(tree, e)[:-1]], axis=1).sum() for e in (0, 1)])
 
 
 def _judged(kinematics: Kinematics, answer: TrackedPostures, polygons: tuple[np.ndarray, ...]) -> KeyPostures:

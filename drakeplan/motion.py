@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drakeplan.dynamics import BOX, centroidal_options, com_course, relaxed, solve_dynamics
-from drakeplan.encounters import Encounters, ProximityMonitor
+from drakeplan.encounters import Encounters, ProximityMonitor, joined
 from drakeplan.key_postures import BalanceRegions, KeyPostures, solve_key_postures, solve_swing_postures
 from drakeplan.motion_check import Problem, find_problems, transition_of, velocities
 from drakeplan.motion_targets import (
@@ -308,7 +308,7 @@ class _Frames:
                 q[f] = self._away(f, q[f - 1] + (self.answer.q[f] - self.answer.q[f - 1]))
         changed = (q != self.answer.q).any(axis=1)
         self.answer = self._track(q, solve=np.zeros(len(self.t), dtype=bool))
-        self.met = _merged(self.met.where(~changed[self.met.frame]), self._near(changed))
+        self.met = joined(self.met.where(~changed[self.met.frame]), self._near(changed))
         return True
 
     def _away(self, f: int, q: np.ndarray) -> np.ndarray:
@@ -381,13 +381,3 @@ def _stretches(marked: np.ndarray, around: int) -> list[tuple[int, int]]:
     wide = np.convolve(marked, np.ones(2 * around + 1), mode="same") > 0.5
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wide, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
-def _merged(kept: Encounters, fresh: Encounters) -> Encounters:
-    """Both, sorted by frame."""
-    frame = np.concatenate([kept.frame, fresh.frame])
-    order = np.argsort(frame, kind="stable")
-    names = ("distance", "link", "point", "normal", "effector")
-    arrays = [np.concatenate([getattr(kept, n), getattr(fresh, n)])[order] for n in names]
-    bodies = kept.bodies + fresh.bodies
-    return Encounters(frame[order], *arrays, tuple(bodies[i] for i in order))

@@ -44,7 +44,8 @@ class DistanceRows(NamedTuple):
     """Pairs of points that must keep a distance, in CSR form: frame t owns rows start[t] to start[t + 1].
 
     Fields: start (T + 1,); link (R, 2) the links that carry the points, -1 for the world; point (R, 2, 3) in those
-    links' frames, or in W [m]; normal (R, 3) unit vector in W from the second body to the first; wanted (R,) [m].
+    links' frames, or in W [m]; normal (R, 3) unit vector in W from the second body to the first; wanted (R,) [m];
+    weight (R,) [1/m].
     """
 
     start: np.ndarray
@@ -52,12 +53,15 @@ class DistanceRows(NamedTuple):
     point: np.ndarray
     normal: np.ndarray
     wanted: np.ndarray
+    weight: np.ndarray
 
 
 def no_rows(num_frames: int) -> DistanceRows:
     """No pair to keep apart in any frame."""
     start = np.zeros(num_frames + 1, np.int64)
-    return DistanceRows(start, np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros(0))
+    return DistanceRows(
+        start, np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +78,6 @@ class TrackingTargets:
         posture_weight: (nv,) of the base's orientation, its position and the joints.
         lower, upper: (nv - 6,) limits of the joints.
         rows: distances to keep.
-        row_weight: of those.
     """
 
     X_WE: np.ndarray
@@ -87,7 +90,6 @@ class TrackingTargets:
     lower: np.ndarray
     upper: np.ndarray
     rows: DistanceRows = field(default_factory=lambda: no_rows(0))
-    row_weight: float = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,6 @@ def track_postures(
         np.ascontiguousarray(targets.lower, dtype=float),
         np.ascontiguousarray(targets.upper, dtype=float),
         rows,
-        targets.row_weight,
         np.ones(T, np.bool_) if solve is None else np.asarray(solve, dtype=np.bool_),
         chained,
         max_iterations,
@@ -190,7 +191,7 @@ def _pair_distance(
 
 @njit(cache=True)
 def _normal_equations(
-    tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, row_weight, first, last, H, g,
+    tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, first, last, H, g,
     effector_error, com_error,
 ) -> None:  # fmt: skip
     """Gauss-Newton's H (upper triangle) and g at q, the slacks of the distances last, and the errors there."""
@@ -234,20 +235,21 @@ def _normal_equations(
         # An inequality d + J v >= wanted as the equality d + J v - slack = wanted, slack >= 0, in the least-squares sense.
         d = _pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
         row[:] = 0.0
-        row[nv + r - first] = -row_weight
+        w = rows.weight[r]
+        row[nv + r - first] = -w
         for s in range(2):
             if rows.link[r, s] < 0:
                 continue
             point_jacobian(tree, R, p, rows.link[r, s], at[s, 0], at[s, 1], at[s, 2], J)
             for i in range(nv):
                 for a in range(3):
-                    row[i] += (1.0 if s == 0 else -1.0) * row_weight * rows.normal[r, a] * J[3 + a, i]
-        _add_row(H, g, row, row_weight * (rows.wanted[r] - d), columns)
+                    row[i] += (1.0 if s == 0 else -1.0) * w * rows.normal[r, a] * J[3 + a, i]
+        _add_row(H, g, row, w * (rows.wanted[r] - d), columns)
 
 
 @njit(cache=True)
 def _solve_frame(
-    tree, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, lower, upper, rows, row_weight, first, last,
+    tree, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, lower, upper, rows, first, last,
     max_iterations, effector_error, com_error,
 ) -> int:  # fmt: skip
     """Gauss-Newton from q, in place; returns the steps taken. Errors are those before the last, converged step."""
@@ -260,7 +262,7 @@ def _solve_frame(
     for it in range(max_iterations + 1):
         forward(tree, q, R, p)
         _normal_equations(
-            tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, row_weight, first, last,
+            tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, first, last,
             H, g, effector_error, com_error,
         )  # fmt: skip
         if it == max_iterations:
@@ -285,7 +287,7 @@ def _solve_frame(
 
 @njit(cache=True)
 def _track(
-    tree, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, lower, upper, rows, row_weight, solve, chained,
+    tree, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, lower, upper, rows, solve, chained,
     max_iterations, q, effector_error, com_error, iterations,
 ) -> None:  # fmt: skip
     nv = posture_weight.shape[0]
@@ -301,5 +303,5 @@ def _track(
                     q[t, i + 1] = min(max(q[t, i + 1], lower[i - 6]), upper[i - 6])
         iterations[t] = _solve_frame(
             tree, q[t], X_WE[t], effector_weight[t], com[t], com_weight[t], q_ref[t], posture_weight, lower, upper,
-            rows, row_weight, rows.start[t], rows.start[t + 1], steps, effector_error[t], com_error[t],
+            rows, rows.start[t], rows.start[t + 1], steps, effector_error[t], com_error[t],
         )  # fmt: skip
