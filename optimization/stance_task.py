@@ -24,7 +24,8 @@ from optimization.ik_tasks import (
 from optimization.kinematic_tree import KinematicTree, center_of_mass, com_jacobian, forward, rotation_error
 
 _MAX_CLOSE_PAIRS = 12  # pairs of body parts that a step looks at
-_MAX_EDGES = 12  # edges of the polygon that a step looks at
+_MAX_EDGES = 24  # edges of the polygon that a step looks at
+_EDGE_NEAR = 0.03  # [m] the CoM is at most this far inside an edge that a step looks at
 NEAR = 0.03  # [m] capsules closer than this beyond what they must keep take part
 MAX_ROWS = _MAX_CLOSE_PAIRS + _MAX_EDGES  # inequality rows that `build_step` may add
 
@@ -256,7 +257,7 @@ def _add_edges(task: StanceTask, options: IkOptions, com: np.ndarray, J_com: np.
     for k in range(task.num_vertices):
         b = edge_normal(task.region, k, task.num_vertices, normal)
         room = b - options.com_margin - (normal[0] * com[0] + normal[1] * com[1])
-        if room < 0.1 and num_rows < _MAX_EDGES:
+        if room < _EDGE_NEAR and num_rows < _MAX_EDGES:
             for i in range(nv):
                 row[i] = -normal[0] * J_com[0, i] - normal[1] * J_com[1, i]
             num_rows = add_inequality(row, 2e-3 - room, options.com_weight, num_rows, program)

@@ -60,12 +60,12 @@ def _keep_limits(tree: KinematicTree, q: np.ndarray) -> None:
 @njit(cache=True)
 def _step_length(v: np.ndarray, num_velocities: int) -> float:
     """The part of a step v that the linearisation is trusted for, at most 1."""
-    length = 1.0
-    for i in range(num_velocities):
-        largest = _TRUSTED_TURN if i < 3 else (_TRUSTED_MOVE if i < 6 else _TRUSTED_JOINT)
-        if abs(v[i]) * length > largest:
-            length = largest / abs(v[i])
-    return length
+    turn = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    move = np.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5])
+    furthest = max(turn / _TRUSTED_TURN, move / _TRUSTED_MOVE)
+    for i in range(6, num_velocities):
+        furthest = max(furthest, abs(v[i]) / _TRUSTED_JOINT)
+    return 1.0 / max(furthest, 1.0)
 
 
 @njit(cache=True)
