@@ -28,6 +28,7 @@ from drakeplan.motion_targets import (
     plan_swings,
     posture_reference,
     smooth_com,
+    smoothed,
 )
 from drakeplan.phases import MOVE, Schedule, make_schedule
 from drakeplan.progress import Progress, ProgressEvent
@@ -43,6 +44,8 @@ from scenes.terrain import Terrain
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART = 0.02  # [m] distance that pairs are asked to keep
 CLOSE = 0.006  # [m] pairs nearer than this are moved apart
+SMOOTHINGS = 2  # of the whole motion, each followed by another look for collisions
+SMEAR, FAITHFUL = 0.04, 10.0  # [s] of smoothing, and how much harder than usual its result is held to
 WINDOW = 15  # frames before and after a collision that take part in moving out of its way
 COM_FEEDBACK = 0.010  # [m] a CoM this far off the plan goes back to the centroidal program
 MAX_STRETCH = 2.5  # longest that a phase becomes, times its usual duration
@@ -241,6 +244,10 @@ class _Frames:
         for _ in range(options.rounds):
             if not (self._keep_apart() or self._reroute() or self._feed_back()):
                 break
+        for _ in range(SMOOTHINGS):
+            self._smooth()
+            if not self._keep_apart():
+                break
         problems = self._problems()
         v = velocities(self.answer.q, self.t[1] - self.t[0])
         plant = self.maker.robot_plant.plant
@@ -287,6 +294,15 @@ class _Frames:
             self.free[f] = self.maker.kinematics.effector_poses(self.answer.q[f])
         self._aim()
         self.answer = self._track(self.answer.q, solve=wanted)
+
+    def _smooth(self) -> None:
+        """Takes out what jerks: every frame once more, close to the smoothed motion as far as contacts and CoM allow."""
+        weight = np.where(self.targets.posture_weight > 0.0, self.targets.posture_weight * FAITHFUL, 0.0)
+        smooth = replace(self.targets, q_ref=smoothed(self.answer.q, SMEAR * self.maker.options.rate), posture_weight=weight)
+        usual, self.targets = self.targets, smooth
+        self.answer = self._track(smooth.q_ref)
+        self.met = self._near(np.ones(len(self.t), dtype=bool))
+        self.faithful, self.targets = smooth, usual
 
     def _near(self, frames: np.ndarray) -> Encounters:
         return self.maker.monitor.near(self.answer.q, np.flatnonzero(frames), SEEN)

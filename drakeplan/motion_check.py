@@ -14,6 +14,7 @@ from optimization.posture_tracking import LEVER
 
 # The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
+JUMP = 0.16  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
 
@@ -22,7 +23,7 @@ class Problem:
     """One violation.
 
     Attributes:
-        kind: "held", "com", "speed", "self collision", "terrain collision" or "sole collision".
+        kind: "held", "com", "speed", "jerk", "self collision", "terrain collision" or "sole collision".
         transition: index of the transition that it belongs to.
         time: where it is worst [s].
         value: how bad [m, or share of a speed limit].
@@ -99,6 +100,11 @@ def find_problems(
         share = np.abs(mean_velocities(q, t[1] - t[0])[:, 6:]) / kinematics.tree.speed
         worst = share.argmax(axis=1)
         add("speed", frames[1:], share.max(axis=1), SPEED_SHARE, [kinematics.joint_names[j] for j in worst])
+        d, v = mean_velocities(q, t[1] - t[0]), velocities(q, t[1] - t[0])
+        jump = np.maximum(np.minimum(v[:-1], v[1:]) - d, d - np.maximum(v[:-1], v[1:]))
+        worst = jump.argmax(axis=1)
+        axes = ["base"] * 6 + list(kinematics.joint_names)
+        add("jerk", frames[1:], jump.max(axis=1), JUMP, [axes[j] for j in worst])
     names = [f"{a} and {b}" for a, b in met.bodies]
     sole, ground = met.effector >= 0, met.with_terrain
     for kind, own, limit in (

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from drakeplan.key_postures import COM, HOLD, posture_weight
@@ -123,6 +124,15 @@ def posture_reference(key_t: np.ndarray, key_q: np.ndarray, t: np.ndarray) -> np
     same = before * after > 0.0
     slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
     course = CubicHermiteSpline(key_t, q, slope)(t)
+    course[:, :4] /= np.linalg.norm(course[:, :4], axis=1, keepdims=True)
+    return course
+
+
+def smoothed(q: np.ndarray, frames: float) -> np.ndarray:
+    """(T, nq) the motion through a Gaussian window of this standard deviation [frames]; standing ends stay at rest."""
+    signs = np.cumprod(np.concatenate([[1.0], np.where((q[1:, :4] * q[:-1, :4]).sum(axis=1) < 0.0, -1.0, 1.0)]))
+    q = np.concatenate([q[:, :4] * signs[:, None], q[:, 4:]], axis=1)
+    course = gaussian_filter1d(q, frames, axis=0, mode="nearest")
     course[:, :4] /= np.linalg.norm(course[:, :4], axis=1, keepdims=True)
     return course
 
