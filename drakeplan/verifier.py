@@ -928,11 +928,7 @@ def _check_motion(sheet: _Sheet, plan: _PlanFile, robot: _RobotModel, scene: _Sc
     over = np.maximum(lower - v, v - upper)
     over[1:] = np.maximum(over[1:], np.maximum(lower - difference, difference - upper))
     sheet.add("joint speeds", over, SPEED_LIMIT, "rad/s", lambda i: at(i, names[1]))
-    # Whatever rule made v, over one frame the mean velocity lies between its ends, but for the curvature.
-    low, high = np.minimum(v[:-1], v[1:]), np.maximum(v[:-1], v[1:])
-    sheet.add(
-        "velocities", np.maximum(low - difference, difference - high), VELOCITY, "rad/s", lambda i: at(i, names[1])
-    )
+    sheet.add("velocities", _velocity_error(v, difference), VELOCITY, "rad/s", lambda i: at(i, names[1]))
     sheet.add("posture at rest", np.abs(v[[0, -1]]), AT_REST, "rad/s", lambda i: f"{_end(i[0])}, {names[1][i[1]]}")
     if not unit:
         return
@@ -956,6 +952,18 @@ def _difference(t: np.ndarray, q: np.ndarray) -> np.ndarray:
     angle = 2 * np.arctan2(length, scalar)
     turn = vector * np.where(length > 1e-12, angle / np.maximum(length, 1e-12), 2.0)
     return np.hstack([turn, np.diff(q[:, 4:], axis=0)]) / dt
+
+
+def _velocity_error(v: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """(T-1, nv) how far velocities (T, nv) are from the mean velocity over each frame (T-1, nv), by the kinder rule.
+
+    Velocities sampled from a curve: the mean lies between those at its ends, but for the curvature. Velocities that are
+    differences themselves: each is the mean of the differences beside it.
+    """
+    between = np.maximum(np.minimum(v[:-1], v[1:]) - difference, difference - np.maximum(v[:-1], v[1:]))
+    beside = np.concatenate([difference[:1], (difference[:-1] + difference[1:]) / 2, difference[-1:]])
+    centred = np.abs(v - beside)
+    return np.minimum(between, np.maximum(centred[:-1], centred[1:]))
 
 
 def _follow(robot: _RobotModel, q: np.ndarray, bodies: Sequence[RigidBody]) -> _Track:
