@@ -12,8 +12,9 @@ from shapely import Polygon
 
 from scenes.mesh_orientation import Bodies
 
-OFF_PLANE = 1e-3  # [m] corners of one region lie this near its plane
-NORMAL_CELL = 0.02  # grid of unit normals, coarser than the degree below
+OFF_PLANE = 1e-3  # [m] corners of one region lie about this near its plane
+NORMAL_CELL = 0.04  # grid of unit normals, coarser than twice the degree below
+REFITS = 8  # how often a plane is fitted to its faces at most
 OFF_NORMAL = np.cos(np.deg2rad(1.0))  # normals of one region lie within a degree
 GRID = 1e-5  # [m] corners are snapped to this, so that what should touch touches
 CRACK = 2e-4  # [m] gaps between faces up to this width are closed
@@ -56,10 +57,10 @@ def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) 
     wanted = normals[:, 2] >= np.cos(max_tilt) - 1e-9
     least = np.pi / 4 * min_width**2
     bodies = Bodies(triangles)
-    for members, seed in _coplanar_groups(triangles, normals, area, wanted):
+    for members, origin, normal in _coplanar_groups(triangles, normals, area, wanted):
         if area[members].sum() < least:
             continue
-        origin, axes = triangles[seed, 0], _plane_axes(normals[seed])
+        axes = _plane_axes(normal)
         flat = (triangles[members] - origin) @ axes[:2].T
         outline = _merged(flat)
         if outline.buffer(-min_width / 2).is_empty:
@@ -75,14 +76,19 @@ def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) 
 
 def _coplanar_groups(
     triangles: np.ndarray, normals: np.ndarray, area: np.ndarray, wanted: np.ndarray
-) -> Iterator[tuple[np.ndarray, int]]:
-    """(indices, seed) of the triangles in the plane of each seed, the largest triangle not yet taken."""
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """(indices, point, normal) of the triangles in one plane with each seed, the largest triangle not yet taken.
+
+    The plane is fitted to what it has gathered and gathers again, so that a rough floor does not fall apart because its
+    largest triangle lies a little askew.
+    """
     free = wanted.copy()
-    # Normals within a degree differ by less than a cell, so they lie in the seed's cell or one next to it.
+    # Normals within two degrees differ by less than a cell, so they lie in the seed's cell or one next to it.
     cells = np.floor(normals / NORMAL_CELL).astype(np.int64)
     order = np.lexsort(cells.T[::-1])
     keys, starts = np.unique(cells[order], axis=0, return_index=True)
     members = dict(zip(map(tuple, keys.tolist()), np.split(order, starts[1:]), strict=True))
+    centres = triangles.mean(axis=1)
     for seed in np.argsort(-area, kind="stable"):
         if not free[seed]:
             continue
@@ -90,11 +96,20 @@ def _coplanar_groups(
         around = product((i - 1, i, i + 1), (j - 1, j, j + 1), (k - 1, k, k + 1))
         near = np.concatenate([members[cell] for cell in around if cell in members])
         near = near[free[near]]
-        near = near[normals[near] @ normals[seed] >= OFF_NORMAL]
-        off = np.abs((triangles[near] - triangles[seed, 0]) @ normals[seed]).max(axis=1)
-        taken = near[off <= OFF_PLANE]
+        point, normal = centres[seed], normals[seed]
+        taken = np.array([seed])
+        for _ in range(REFITS):
+            like = near[normals[near] @ normal >= OFF_NORMAL]
+            off = np.abs((triangles[like] - point) @ normal).max(axis=1)
+            gathered = like[off <= OFF_PLANE]
+            if len(gathered) <= len(taken) or seed not in gathered:
+                break
+            taken = gathered
+            weights = area[taken] / area[taken].sum()
+            point, normal = weights @ centres[taken], weights @ normals[taken]
+            normal /= np.linalg.norm(normal)
         free[taken] = False
-        yield taken, int(seed)
+        yield taken, point, normal
 
 
 def _plane_axes(normal: np.ndarray) -> np.ndarray:
