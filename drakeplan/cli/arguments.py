@@ -20,6 +20,7 @@ from scenes.input_error import InputError
 
 Parsed = TypeVar("Parsed")
 Numbers = tuple[float, ...]  # the type of an option that takes several numbers
+POSITIONAL = get_args(tyro.conf.Positional[str])[1]  # what marks a field as one
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ def _words(kind: type) -> tuple[dict[str, _Word], list[_Word]]:
         marks = get_args(hints[field.name])[1:] if get_origin(hints[field.name]) is Annotated else ()
         type_, choices = _bare_type(hints[field.name])
         metavar = next((m.metavar for m in marks if getattr(m, "metavar", None)), field.name.upper())
-        if any(mark is tyro.conf.Positional[str].__metadata__[0] for mark in marks):
+        if any(mark is POSITIONAL for mark in marks):
             places.append(_Word(metavar, type_, choices, field.default is MISSING))
         else:
             name = "--" + field.name.replace("_", "-")

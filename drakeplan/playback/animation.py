@@ -1,5 +1,8 @@
 """Draws and animates what moves: the robot, the centre of mass, the contact forces."""
 
+# pydrake's stubs take the first parameter of ndarray for its type, and reject every array.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

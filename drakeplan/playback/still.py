@@ -1,5 +1,8 @@
 """Draws what does not move: terrain, contacts, the path of the centre of mass, the goal, light and camera."""
 
+# pydrake's stubs take the first parameter of ndarray for its type, and reject every array.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 from __future__ import annotations
 
 import numpy as np
