@@ -111,8 +111,8 @@ def minimise(
             continue
         candidate = model.evaluate(x) if x is not None and record.feasible else None
         following = _search(model, point, candidate) if candidate is not None else None
-        still = (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
         if following is None:
+            still = tolerance * abs(point.merit)
             if candidate is not None and not np.isfinite(bound) and abs(candidate.merit - point.merit) <= still:
                 return Outcome(point, True, "converged", tuple(records))
             bound = min(bound * SHRINK, radius)
@@ -122,14 +122,14 @@ def minimise(
             continue
         decrease = point.merit - following.merit
         point = following
-        if point is candidate and point.violation <= tight and abs(point.merit - record.cost) <= still:
-            return Outcome(point, True, "converged", tuple(records))  # the convex program was right: so is its optimum
+        still = (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
+        foreseen = abs(point.merit - record.cost) <= still  # the convex program was right, and so is its optimum
+        if foreseen and (decrease <= still or (point is candidate and point.violation <= tight)):
+            return Outcome(point, True, "converged", tuple(records))
         model.linearise(point)
         if np.isfinite(bound):
             bound *= 2.0
             model.trust(point, bound)
-        if decrease <= still:
-            return Outcome(point, True, "converged", tuple(records))
     return Outcome(point, False, "iterations", tuple(records))
 
 
