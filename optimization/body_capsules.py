@@ -1,7 +1,7 @@
 """A robot's collision shapes as capsules, so that inverse kinematics can keep the body out of itself cheaply.
 
 Capsules and spheres are taken as they are. A box, a cylinder or a convex mesh becomes parallel capsules that fill the
-box around it: their flat sides touch its faces, their round edges leave its corners out by at most about 2 cm. So the
+box around it: their flat sides touch its faces, their round edges leave its corners out by about 2 cm. So the
 distances here are a proxy that steers; whether a posture collides is asked of Drake.
 """
 
@@ -17,7 +17,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from optimization.kinematic_tree import KinematicTree
 from optimization.kinematics import Kinematics
 
-_THINNEST, _THICKEST = 0.025, 0.05  # [m] radii that stand for boxes
+_THINNEST, _THICKEST = 0.025, 0.03  # [m] radii that stand for boxes: thick ones cut corners, thin ones are many
 _TOUCHING = 0.01  # [m] pairs closer than this in the nominal posture are built that way: they may come as close again
 
 

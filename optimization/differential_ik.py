@@ -5,8 +5,8 @@ Frame by frame, with d = q_next - q in velocity coordinates (nv,),
     min   sum_e w_e^2 |X_WE - target|^2 + w_com^2 |CoM - target|^2                  what is held, what swings, the CoM
           + w_torso^2 |turn of the torso|^2 + w_posture^2 |joints - reference|^2    what is preferred
           + w_effort^2 |d|^2 + w_smooth^2 |d - dt v_previous|^2
-    s.t.  lower <= joints <= upper,   |d_joint| <= dt speed                         hard
-          rows d >= bounds,   capsules of the body keep apart                       hard as far as weights go
+    s.t.  lower <= joints <= upper,   |d| <= dt speed                               hard
+          pairs of points and capsules of the body keep apart                       hard as far as weights go
 
 by a few Gauss-Newton steps, each a quadratic program with bounds (`optimization.box_qp`). The order of the tasks is one
 of weights, each some ten times the next: contacts, then CoM and swinging end effectors, then the rest. Bounds are never
@@ -15,16 +15,19 @@ left, so a target that moves too fast is followed late, and the answer says by h
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from optimization.body_capsules import read_capsules
 from optimization.box_qp import solve_box_qp
 from optimization.frame_task import (
     MAX_CLOSE_PAIRS,
     FrameTargets,
+    PointPairs,
     TrackingErrors,
     TrackingModel,
     TrackingOptions,
@@ -43,6 +46,7 @@ from scenes.robot import Robot
 __all__ = [
     "DifferentialIK",
     "FrameTargets",
+    "PointPairs",
     "TrackedFrame",
     "TrackingErrors",
     "TrackingModel",
@@ -74,7 +78,7 @@ def track_frame(
     """
     tree = model.tree
     nv = v.shape[0]
-    program = make_program(nv, targets.rows.shape[0] + MAX_CLOSE_PAIRS)
+    program = make_program(nv, targets.apart.wanted.shape[0] + MAX_CLOSE_PAIRS)
     J_com = np.empty((3, nv))
     frame, trial = make_frame(tree), make_frame(tree)
     for i in range(nv + 1):
@@ -185,6 +189,25 @@ class DifferentialIK:
         """(E + 1, 4, 4) poses of the end effectors and the torso in W [m]."""
         return self.kinematics.effector_poses(q)
 
+    def point_pairs(
+        self, pairs: Sequence[tuple[str, ArrayLike, str | None, ArrayLike, ArrayLike, float]]
+    ) -> PointPairs:
+        """Pairs of points to keep apart, for `track`.
+
+        Args:
+            pairs: (body A, point in A [m], body B or None for the world, point in B or W [m], unit normal in W from B
+                to A, distance to keep along it [m]).
+        """
+        link, point = np.full((len(pairs), 2), -1), np.zeros((len(pairs), 2, 3))
+        for k, pair in enumerate(pairs):
+            for end, (body, p_BP) in enumerate((pair[:2], pair[2:4])):
+                point[k, end] = p_BP
+                if body is not None:
+                    link[k, end], X_LB = self.kinematics.bodies[body]
+                    point[k, end] = X_LB[:3, :3] @ point[k, end] + X_LB[:3, 3]
+        normal = _array("normals", np.reshape([pair[4] for pair in pairs], (-1, 3)), (len(pairs), 3))
+        return PointPairs(link, point, normal, _array("distances", [pair[5] for pair in pairs], (len(pairs),)))
+
     def track(
         self,
         q: np.ndarray,
@@ -197,8 +220,7 @@ class DifferentialIK:
         swing_angular: np.ndarray | None = None,
         q_reference: np.ndarray | None = None,
         v_previous: np.ndarray | None = None,
-        rows: np.ndarray | None = None,
-        bounds: np.ndarray | None = None,
+        apart: PointPairs | None = None,
         options: TrackingOptions | None = None,
     ) -> TrackedFrame:
         """The frame that follows q; arguments as in `FrameTargets` and `track_frame`.
@@ -217,8 +239,7 @@ class DifferentialIK:
             _array("swing_angular", np.zeros(E) if swing_angular is None else swing_angular, (E,)),
             np.full(3, np.nan) if com is None else np.ascontiguousarray(com, dtype=float).reshape(3),
             _array("q_reference", self.robot.q_nominal if q_reference is None else q_reference, (nv + 1,)).copy(),
-            np.zeros((0, nv)) if rows is None else _array("rows", rows, (len(rows), nv)),
-            np.zeros(0) if bounds is None else _array("bounds", bounds, (0 if rows is None else len(rows),)),
+            self.point_pairs([]) if apart is None else apart,
         )
         q_next, v = np.empty(nv + 1), np.empty(nv)
         v_previous = _array("v_previous", np.zeros(nv) if v_previous is None else v_previous, (nv,)).copy()

@@ -12,10 +12,9 @@ from numba import njit
 
 from optimization.body_capsules import BodyCapsules, CapsuleRows, close_pairs, distance_row, make_rows
 from optimization.ik_tasks import StepProgram, add_diagonal, add_frame_task, add_inequality, add_row, frame_error
-from optimization.kinematic_tree import KinematicTree, center_of_mass, com_jacobian, difference, forward
+from optimization.kinematic_tree import KinematicTree, center_of_mass, com_jacobian, difference, forward, point_jacobian
 
 MAX_CLOSE_PAIRS = 12  # pairs of body parts that a step looks at
-_LONGEST = 0.5  # [rad, m] greatest step of an unknown, which keeps the base's turn a small one
 _NEAR = 0.02  # [m] capsules closer than this beyond what they must keep take part
 
 
@@ -29,7 +28,8 @@ class TrackingOptions(NamedTuple):
         posture_weight: of the joints' distance from the reference.
         effort_weight: of moving at all.
         smooth_weight: of changing the velocity from frame to frame.
-        row_weight: of the inequality rows.
+        row_weight: of pairs of points that must keep a distance.
+        base_speed: greatest speed of the base, each coordinate [rad/s, m/s].
         distance_weight: of the capsules' distances; 0 leaves self-collision out.
         max_steps: Gauss-Newton steps a frame, those that are taken back included.
         converged: a step that lowers the cost by less than this part ends a frame.
@@ -41,10 +41,27 @@ class TrackingOptions(NamedTuple):
     posture_weight: float = 0.3
     effort_weight: float = 0.1
     smooth_weight: float = 0.0
-    row_weight: float = 100.0
-    distance_weight: float = 100.0
+    row_weight: float = 1000.0
+    base_speed: float = 5.0
+    distance_weight: float = 300.0
     max_steps: int = 12
     converged: float = 1e-4
+
+
+class PointPairs(NamedTuple):
+    """K pairs of points, each to keep normal . (p_WA - p_WB) >= wanted.
+
+    Attributes:
+        link: (K, 2) int64 links that carry A and B, -1 for the world (see `Kinematics.bodies`).
+        point: (K, 2, 3) A and B in their links' frames, or in W [m].
+        normal: (K, 3) unit vector in W, from B to A.
+        wanted: (K,) distance along it [m].
+    """
+
+    link: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    wanted: np.ndarray
 
 
 class FrameTargets(NamedTuple):
@@ -56,8 +73,7 @@ class FrameTargets(NamedTuple):
         swing_linear, swing_angular: (E,) weights of end effectors that move, per metre and per radian; 0: free.
         com: (3,) centre of mass [m], NaN where a coordinate is free.
         q_reference: (nq,) preferred posture; only its joints count.
-        rows: (K, nv), bounds: (K,): rows @ difference(q, q_next) >= bounds, linearised at the previous frame's q, say
-            n . dp >= d for a point that must stay in front of a plane.
+        apart: pairs of points that must keep a distance.
     """
 
     X_WE: np.ndarray
@@ -66,8 +82,7 @@ class FrameTargets(NamedTuple):
     swing_angular: np.ndarray
     com: np.ndarray
     q_reference: np.ndarray
-    rows: np.ndarray
-    bounds: np.ndarray
+    apart: PointPairs
 
 
 class TrackingErrors(NamedTuple):
@@ -160,8 +175,9 @@ def measure_frame(
             cost += options.smooth_weight**2 * (f.moved[i] - dt * v_previous[i]) ** 2
         if i >= 6:
             cost += options.posture_weight**2 * (f.q[i + 1] - targets.q_reference[i + 1]) ** 2
-    for k in range(targets.rows.shape[0]):
-        cost += options.row_weight**2 * max(0.0, targets.bounds[k] - _dot(targets.rows[k], f.moved)) ** 2
+    point = np.empty(3)
+    for k in range(targets.apart.wanted.shape[0]):
+        cost += options.row_weight**2 * max(0.0, _missing(targets.apart, k, f, point)) ** 2
     num_close = close_pairs(model.capsules, f.R, f.p, _NEAR, f.close) if options.distance_weight > 0.0 else 0
     for k in range(num_close):
         gap = f.close.distance[k] - model.capsules.clearance[f.close.pair[k]]
@@ -170,11 +186,42 @@ def measure_frame(
 
 
 @njit(cache=True)
-def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    s = 0.0
-    for i in range(a.shape[0]):
-        s += a[i] * b[i]
-    return s
+def _place(apart: PointPairs, k: int, end: int, f: TriedFrame, point: np.ndarray) -> int:
+    """Writes where in W [m] an end of pair k is; returns its link."""
+    link = apart.link[k, end]
+    o = apart.point[k, end]
+    for a in range(3):
+        point[a] = o[a]
+        if link >= 0:
+            point[a] = f.p[link, a] + f.R[link, a, 0] * o[0] + f.R[link, a, 1] * o[1] + f.R[link, a, 2] * o[2]
+    return link
+
+
+@njit(cache=True)
+def _missing(apart: PointPairs, k: int, f: TriedFrame, point: np.ndarray) -> float:
+    """How much pair k falls short of the distance it should keep [m]."""
+    missing = apart.wanted[k]
+    for end in range(2):
+        _place(apart, k, end, f, point)
+        for a in range(3):
+            missing -= (1.0 - 2.0 * end) * apart.normal[k, a] * point[a]
+    return missing
+
+
+@njit(cache=True)
+def _pair_row(
+    tree: KinematicTree, apart: PointPairs, k: int, f: TriedFrame, J: np.ndarray, point: np.ndarray, row: np.ndarray
+) -> None:
+    """Writes row (nv,), the derivative of pair k's distance; J (6, nv) and point (3,) are scratch."""
+    for i in range(row.shape[0]):
+        row[i] = 0.0
+    for end in range(2):
+        link = _place(apart, k, end, f, point)
+        if link >= 0:
+            point_jacobian(tree, f.R, f.p, link, point[0], point[1], point[2], J)
+            for i in range(row.shape[0]):
+                for a in range(3):
+                    row[i] += (1.0 - 2.0 * end) * apart.normal[k, a] * J[3 + a, i]
 
 
 @njit(cache=True)
@@ -196,10 +243,11 @@ def add_tasks(
     for j in range(nv - 6):
         add_diagonal(6 + j, targets.q_reference[7 + j] - f.q[7 + j], options.posture_weight, program)
     num_rows = 0
-    for k in range(targets.rows.shape[0]):
-        still = targets.bounds[k] - _dot(targets.rows[k], f.moved)
-        num_rows = add_inequality(targets.rows[k], still, options.row_weight, num_rows, program)
-    row = np.empty(nv)
+    row, point, J = np.empty(nv), np.empty(3), np.empty((6, nv))
+    for k in range(targets.apart.wanted.shape[0]):
+        missing = _missing(targets.apart, k, f, point)
+        _pair_row(tree, targets.apart, k, f, J, point, row)
+        num_rows = add_inequality(row, missing, options.row_weight, num_rows, program)
     for k in range(num_close):
         distance_row(tree, f.R, f.p, f.close, k, row)
         gap = f.close.distance[k] - model.capsules.clearance[f.close.pair[k]]
@@ -218,10 +266,11 @@ def bound_and_damp(
         if options.smooth_weight > 0.0:
             add_diagonal(i, dt * v_previous[i] - f.moved[i], options.smooth_weight, program)
         program.H[i, i] += damping
-        program.lower[i], program.upper[i] = -_LONGEST, _LONGEST
+        reach = dt * (options.base_speed if i < 6 else tree.speed[i - 6])
+        down, up = -reach - f.moved[i], reach - f.moved[i]
+        program.lower[i], program.upper[i] = down, up
         if i >= 6:
             j = i - 6
             # Where a limit was broken before the frame began, the way back is as fast as the speed limit allows.
-            down, up = -dt * tree.speed[j] - f.moved[i], dt * tree.speed[j] - f.moved[i]
             program.lower[i] = min(max(down, tree.lower[j] - f.q[7 + j]), up)
             program.upper[i] = max(min(up, tree.upper[j] - f.q[7 + j]), down)
