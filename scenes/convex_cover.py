@@ -55,7 +55,7 @@ def _corners(piece: Polygon) -> np.ndarray:
 
     Fewer than three are left of a needle.
     """
-    corners = np.array(shapely.orient_polygons(piece.convex_hull).exterior.coords)[:-1]
+    corners = shapely.get_coordinates(shapely.orient_polygons(piece.convex_hull))[:-1]
     corners = corners[np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 2 * REFLEX]
     arm, chord = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
     bulge = np.abs(arm[:, 0] * chord[:, 1] - arm[:, 1] * chord[:, 0])

@@ -85,7 +85,7 @@ def _load_triangles(data: bytes, path: Path) -> np.ndarray:
 
 def _collada_frame(data: bytes, path: Path) -> np.ndarray:
     """(3, 3) from the axes and unit that a DAE file declares to metres with z up; trimesh applies neither."""
-    from lxml import etree
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  it is compiled and has no stubs
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True)
     try:

@@ -37,7 +37,7 @@ class Bodies:
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """(K,) bool, the triangles of the bodies whose boxes meet the box from low to high (3,) [m]."""
-        return ((self.low <= high) & (self.high >= low)).all(axis=1)[self.body]
+        return np.all((self.low <= high) & (self.high >= low), axis=1)[self.body]
 
     def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(3 K,) edge number of each side of each triangle; then per edge its faces and how often forward less back."""

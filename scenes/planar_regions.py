@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from scenes.mesh_orientation import Bodies
 
@@ -121,15 +122,15 @@ def _plane_axes(normal: np.ndarray) -> np.ndarray:
     return np.stack([level, np.cross(normal, level), normal])
 
 
-def _merged(flat: np.ndarray) -> shapely.Geometry:
+def _merged(flat: np.ndarray) -> BaseGeometry:
     """The union of (K, 3, 2) triangles, cracks closed."""
     union = shapely.union_all(shapely.polygons(flat), grid_size=GRID)
     return union.buffer(CRACK, join_style="mitre").buffer(-CRACK, join_style="mitre")
 
 
 def _buried(
-    outline: shapely.Geometry, triangles: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
-) -> shapely.Geometry:
+    outline: BaseGeometry, triangles: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
+) -> BaseGeometry:
     """The part of a region that has solid on top, found in a section parallel to it and `BURIED` above.
 
     A sole set down there would stand inside a block. The section's cells are solid where the faces around them wind
@@ -146,7 +147,7 @@ def _buried(
     frame = shapely.box(*outline.buffer(10 * GRID).bounds)
     low, high = np.array(frame.bounds[:2]), np.array(frame.bounds[2:])
     here = ((segments.min(axis=1) <= high) & (segments.max(axis=1) >= low)).all(axis=1)
-    lines = shapely.set_precision(shapely.linestrings(segments[here]), GRID)
+    lines = np.atleast_1d(shapely.set_precision(shapely.linestrings(segments[here]), GRID))
     noded = shapely.union_all([*lines[~shapely.is_empty(lines)], frame.exterior], grid_size=GRID)
     cells = shapely.get_parts(shapely.polygonize([noded]))
     cells = cells[shapely.intersects(cells, outline) & shapely.contains(frame.buffer(10 * GRID), cells)]

@@ -221,7 +221,7 @@ def _start(entry: StartEntry, terrain: Terrain, source: str) -> Start:
         raise InputError(f"{source}: start.stance: expected a foot on the ground")
     mean = np.mean([c.p_WC for c in feet], axis=0)
     yaw = np.arctan2(sum(np.sin(c.heading) for c in feet), sum(np.cos(c.heading) for c in feet))
-    return Start(tuple(float(x) for x in mean), float(yaw), contacts)
+    return Start((float(mean[0]), float(mean[1]), float(mean[2])), float(yaw), contacts)
 
 
 def _contact(effector: str, entry: ContactEntry, terrain: Terrain, source: str) -> Contact:

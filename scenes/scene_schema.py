@@ -6,6 +6,7 @@ import difflib
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from scenes.input_error import InputError
 from scenes.strict_yaml import key_path
@@ -146,7 +147,7 @@ def parse_scene(data: object, source: str) -> SceneEntry:
         raise InputError(f"{source}: {_explain(first)}{more}") from None
 
 
-def _explain(problem: dict) -> str:
+def _explain(problem: ErrorDetails) -> str:
     path = list(problem["loc"])
     where, got, kind = key_path(path), _shorten(problem["input"]), problem["type"]
     limits = problem.get("ctx", {})

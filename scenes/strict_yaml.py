@@ -146,7 +146,7 @@ class _Builder:
             parent.value[parent.key] = value
             parent.key = None
 
-    def _check_tag(self, event: yaml.NodeEvent) -> None:
+    def _check_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         if event.tag not in (None, "!"):
             raise self._error(event, f"tags like {event.tag!r} are not allowed")
 

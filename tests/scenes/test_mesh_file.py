@@ -26,7 +26,8 @@ DAE = """<?xml version="1.0"?>
 <asset><unit name="u" meter="{metre}"/><up_axis>{up}</up_axis></asset>
 <library_geometries><geometry id="g"><mesh>
 <source id="p"><float_array id="a" count="9">0 0 0 10 0 0 0 20 0</float_array>
-<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/>
 <param name="Z" type="float"/></accessor></technique_common></source>
 <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
 <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
@@ -106,7 +107,7 @@ def test_a_broken_mesh_is_one_line_that_names_the_file(suffix, content, expected
 def test_files_that_are_no_mesh_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such mesh file"):
         read_mesh(tmp_path / "missing.stl")
-    with pytest.raises(InputError, match="expected a mesh file that ends in one of .stl, .obj, .ply, .dae"):
+    with pytest.raises(InputError, match=r"expected a mesh file that ends in one of \.stl, \.obj, \.ply, \.dae"):
         read_mesh(tmp_path / "mesh.glb")
     (tmp_path / "folder.stl").mkdir()
     with pytest.raises(InputError, match="is not a plain file"):

@@ -59,7 +59,7 @@ def test_a_ground_sheet_drawn_face_down_is_turned_only_where_nothing_faces_up():
     turned, notes = turn_outward(inside_out(SHEET))
     np.testing.assert_array_equal(turned, SHEET)
     assert notes == ("1 sheets faced down with nothing facing up and were turned",)
-    ceiling = inside_out(SHEET) + [0, 0, 2.5]
+    ceiling = inside_out(SHEET) + np.array([0, 0, 2.5])
     both = np.concatenate([SHEET, ceiling])
     np.testing.assert_array_equal(turn_outward(both)[0], both)
 
