@@ -52,7 +52,7 @@ class CentroidalEstimate:
 
     Attributes:
         feasible: whether the trajectory satisfies every constraint, checked on the recomputed numbers.
-        cost: value of the documents' objective, inf where there is no trajectory.
+        cost: the documents' objective, without the pull towards a CoM reference; inf where there is no trajectory.
         reason: "" where feasible, else the constraint block that fails, with knot and end effector where known.
         records: one per convex program that was solved.
         trajectory: the best one found, also where it is not feasible; None where there is none.
@@ -388,4 +388,6 @@ class CentroidalProgram:
         trajectory = self.integrator.trajectory(self.problem.schedule, force, moment, self.problem.mass)
         found = violations(self.problem, options, trajectory)
         reason = str(found[0]) if found else ""
-        return CentroidalEstimate(not found, point.cost / COST_SCALE, reason, outcome.records, trajectory)
+        if found and not outcome.converged:
+            reason += f" (stopped by the limit on {outcome.reason})"
+        return CentroidalEstimate(not found, point.effort / COST_SCALE, reason, outcome.records, trajectory)

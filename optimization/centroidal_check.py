@@ -31,19 +31,34 @@ class Violation:
         block: name of the constraint.
         excess: by how much it fails, over its tolerance [-].
         amount: by how much it fails [SI].
-        knot: where.
+        unit: of the amount.
+        knot: where; for what holds over an interval, the knot at its start.
+        time: of that knot [s].
         effector: whose, "" where it belongs to none.
     """
 
     block: str
     excess: float
     amount: float
+    unit: str
     knot: int
+    time: float
     effector: str = ""
 
     def __str__(self) -> str:
         who = f" of {self.effector}" if self.effector else ""
-        return f"{self.block}{who} exceeded by {self.amount:.3g} at knot {self.knot}"
+        return f"{self.block}{who} exceeded by {self.amount:.3g} {self.unit} at knot {self.knot} ({self.time:.2f} s)"
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Amounts by which a constraint fails: (n,), or (n, E) by end effector; row 0 stands at knot `first`."""
+
+    block: str
+    amount: np.ndarray
+    tolerance: float
+    unit: str
+    first: int = 0
 
 
 def violations(
@@ -57,16 +72,15 @@ def violations(
         *_bounds(problem, options, trajectory, weight),
     ]
     found = []
-    for block, amount, tolerance in tables:
-        amount = np.asarray(amount)
-        if not amount.size:
-            continue
-        filled = np.where(np.isnan(amount), np.inf, amount)
+    for table in tables:
+        filled = np.where(np.isnan(table.amount), np.inf, table.amount)
         place = np.unravel_index(int(np.argmax(filled)), filled.shape)
         worst = float(filled[place])
-        if worst > tolerance:
-            effector = EFFECTORS[place[1]] if amount.ndim == 2 else ""
-            found.append(Violation(block, worst / tolerance, worst, int(place[0]), effector))
+        if worst > table.tolerance:
+            effector = EFFECTORS[place[1]] if filled.ndim == 2 else ""
+            knot = table.first + int(place[0])
+            when = float(trajectory.t[knot])
+            found.append(Violation(table.block, worst / table.tolerance, worst, table.unit, knot, when, effector))
     return sorted(found, key=lambda violation: -violation.excess)
 
 
@@ -80,7 +94,7 @@ def _poses(problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> tupl
     return p_WC[at], R_WC[at], friction[at]
 
 
-def _dynamics(problem: CentroidalProblem, trajectory: CentroidalTrajectory, weight: float) -> list[tuple]:
+def _dynamics(problem: CentroidalProblem, trajectory: CentroidalTrajectory, weight: float) -> list[_Table]:
     """Residuals of the plan file's three difference equations and of the initial state, each (N-1,) or (1,)."""
     t = trajectory
     p_WC, R_WC, _ = _poses(problem, trajectory)
@@ -99,16 +113,16 @@ def _dynamics(problem: CentroidalProblem, trajectory: CentroidalTrajectory, weig
         np.abs(t.angular_momentum[0] - problem.initial_angular_momentum).max() / weight,
     )
     return [
-        ("newton", np.abs(newton).max(axis=1), RESIDUAL * weight),
-        ("euler", np.abs(euler).max(axis=1), RESIDUAL * weight),
-        ("com integration", np.abs(path).max(axis=1), 1e-9),
-        ("initial state", np.array([start]), 1e-9),
+        _Table("newton", np.abs(newton).max(axis=1), RESIDUAL * weight, "N"),
+        _Table("euler", np.abs(euler).max(axis=1), RESIDUAL * weight, "N m"),
+        _Table("com integration", np.abs(path).max(axis=1), 1e-9, "m"),
+        _Table("initial state", np.array([start]), 1e-9, "m, s"),
     ]
 
 
 def _contacts(
     problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory, weight: float
-) -> list[tuple]:
+) -> list[_Table]:
     """Cone, patch, load and reach of each contact, each (N, E)."""
     t = trajectory
     p_WC, R_WC, friction = _poses(problem, trajectory)
@@ -123,17 +137,17 @@ def _contacts(
     before = np.linalg.norm(t.com[1:, None] - p_WC[1:], axis=2) - reach  # at the start of the next one
     far = np.maximum(np.where(held[:-1], after, 0.0), np.where(held[1:], before, 0.0))
     return [
-        ("force without contact", free, FORCE * weight),
-        ("friction cone", np.where(held & ~inside, np.inf, 0.0), FORCE * weight),
-        ("pressure centre", np.where(held, outside.max(axis=2), 0.0), PATCH),
-        ("force limit", np.where(held, overload, 0.0), FORCE * weight),
-        ("reach", far, LENGTH),
+        _Table("force without contact", free, FORCE * weight, "N"),
+        _Table("friction cone", np.where(held & ~inside, np.inf, 0.0), FORCE * weight, "N"),
+        _Table("pressure centre", np.where(held, outside.max(axis=2), 0.0), PATCH, "m"),
+        _Table("force limit", np.where(held, overload, 0.0), FORCE * weight, "N"),
+        _Table("reach", far, LENGTH, "m", first=1),
     ]
 
 
 def _bounds(
     problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory, weight: float
-) -> list[tuple]:
+) -> list[_Table]:
     """Limits on momentum, height, boxes and rest, each (N-1,) or (1,)."""
     t = trajectory
     rate = np.diff(t.angular_momentum, axis=0) / np.diff(t.t)[:, None]
@@ -141,22 +155,25 @@ def _bounds(
     feet = problem.schedule.feet_mean()
     low, nominal, high = options.com_height
     height = t.com[1:, 2] - feet[:, 2]
+    k_excess = (np.abs(t.angular_momentum[1:]) - k_limit).max(axis=1)
+    rate_excess = (np.abs(rate) - rate_limit).max(axis=1)
+    height_excess = np.nan_to_num(np.maximum(low - height, height - high), nan=0.0)  # nan: no foot is in contact
     tables = [
-        ("angular momentum limit", (np.abs(t.angular_momentum[1:]) - k_limit).max(axis=1), RELATIVE * k_limit.min()),
-        ("angular momentum rate limit", (np.abs(rate) - rate_limit).max(axis=1), RELATIVE * rate_limit.min()),
-        ("com height", np.nan_to_num(np.maximum(low - height, height - high), nan=0.0), LENGTH),
+        _Table("angular momentum limit", k_excess, RELATIVE * k_limit.min(), "N m s", first=1),
+        _Table("angular momentum rate limit", rate_excess, RELATIVE * rate_limit.min(), "N m"),
+        _Table("com height", height_excess, LENGTH, "m", first=1),
     ]
     if problem.com_box is not None and problem.com_reference is not None:
         off = np.abs(t.com - problem.com_reference)[1:] - problem.com_box[1:]
-        tables.append(("com box", off.max(axis=1), LENGTH))
+        tables.append(_Table("com box", off.max(axis=1), LENGTH, "m", first=1))
     known = np.flatnonzero(np.isfinite(feet[:, 0]))
+    last = len(t.t) - 1
     if options.final_half_width is not None and len(known):
         centre = feet[known[-1]] + np.array([0.0, 0.0, nominal])
         off = np.abs(t.com[-1] - centre) - np.asarray(options.final_half_width)
-        tables.append(("final com box", np.array([off.max()]), LENGTH))
+        tables.append(_Table("final com box", np.array([off.max()]), LENGTH, "m", first=last))
     if options.rest_at_end:
-        for name, momentum in (("linear", t.linear_momentum), ("angular", t.angular_momentum)):
-            left = np.abs(momentum[1:]).max(axis=1)
-            left[:-2] = 0.0
-            tables.append((f"rest: {name} momentum", left, MOMENTUM * weight))
+        for name, momentum, unit in (("linear", t.linear_momentum, "kg m/s"), ("angular", t.angular_momentum, "N m s")):
+            left = np.abs(momentum[1:][-2:]).max(axis=1)
+            tables.append(_Table(f"rest: {name} momentum", left, MOMENTUM * weight, unit, first=last + 1 - len(left)))
     return tables

@@ -23,15 +23,15 @@ class CentroidalPoint:
         forces: (J, 4, 3) admissible corner forces [M g] in the contact frames.
         wrench: (J, 6) contact wrenches in their frames [M g, M g ARM].
         state: the trajectory that they bring about.
-        cost: scaled cost.
+        effort: scaled cost without the pull towards a CoM reference.
         violation: sum of the slacks that the penalised constraints need.
-        merit: cost plus penalty.
+        merit: cost, pull included, plus penalty.
     """
 
     forces: np.ndarray
     wrench: np.ndarray
     state: CentroidalState
-    cost: float
+    effort: float
     violation: float
     merit: float
 
@@ -76,9 +76,10 @@ class CentroidalModel:
             ("z", z),
         ):
             x[program.index[name]] = value
-        cost = float(program.cost_diagonal @ (x - program.cost_target) ** 2)
+        costs = program.cost_diagonal * (x - program.cost_target) ** 2
+        cost, pull = float(costs.sum()), float(costs[program.index["com"]].sum())
         violation = self._violation(state)
-        return CentroidalPoint(forces, wrench, state, cost, violation, cost + PENALTY * violation)
+        return CentroidalPoint(forces, wrench, state, cost - pull, violation, cost + PENALTY * violation)
 
     def _violation(self, state: CentroidalState) -> float:
         """Sum over the knots of the slack s that the trajectory needs, and s_end."""

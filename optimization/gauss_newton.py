@@ -15,7 +15,7 @@ import numpy as np
 from optimization.solvers import ConvexSolver, SolveRecord
 
 STEPS = (1.0, 0.5, 0.25, 0.1)  # of the line search
-SUFFICIENT = 1e-4  # a step must bring this part of the decrease that the convex program promised
+SUFFICIENT = 1e-4  # a step must bring this part of the decrease that the convex program foresees
 SHRINK = 0.25  # of the greatest change of the trusted variables after a failed line search
 LEAST_RADIUS = 1e-4
 
@@ -103,28 +103,25 @@ def minimise(
             return Outcome(point, False, "time", tuple(records))
         x, record = solver.solve(costs_changed=not records)
         records.append(record)
-        if point is None:
-            if x is None or not record.feasible:
-                return Outcome(None, False, "first convex program failed", tuple(records))
-            point = model.evaluate(x)
-            model.linearise(point)
-            continue
         candidate = model.evaluate(x) if x is not None and record.feasible else None
-        following = _search(model, point, candidate) if candidate is not None else None
+        if candidate is None and point is None:
+            return Outcome(None, False, "first convex program failed", tuple(records))
+        following = candidate if point is None else _search(model, point, candidate, record.cost)
         if following is None:
-            still = tolerance * abs(point.merit)
-            if candidate is not None and not np.isfinite(bound) and abs(candidate.merit - point.merit) <= still:
+            if candidate is not None and not np.isfinite(bound) and _close(point, candidate.merit, tolerance, tight):
                 return Outcome(point, True, "converged", tuple(records))
             bound = min(bound * SHRINK, radius)
             if bound < LEAST_RADIUS:
                 return Outcome(point, True, "no step improves", tuple(records))
             model.trust(point, bound)
             continue
-        decrease = point.merit - following.merit
+        before = point
         point = following
-        still = (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
-        foreseen = abs(point.merit - record.cost) <= still  # the convex program was right, and so is its optimum
-        if foreseen and (decrease <= still or (point is candidate and point.violation <= tight)):
+        # where the convex program foresaw the true merit, its optimum is ours
+        if _close(point, record.cost, tolerance, tight) and (
+            (point is candidate and point.violation <= tight)
+            or (before is not None and _close(point, before.merit, tolerance, tight))
+        ):
             return Outcome(point, True, "converged", tuple(records))
         model.linearise(point)
         if np.isfinite(bound):
@@ -133,10 +130,17 @@ def minimise(
     return Outcome(point, False, "iterations", tuple(records))
 
 
-def _search(model: SequentialModel, start: Point, end: Point) -> Point | None:
-    """The first point on the way to `end` that is better than `start`, None where there is none."""
+def _close(point: Point, merit: float, tolerance: float, tight: float) -> bool:
+    """Whether a merit differs from the point's by less than the tolerance, a tenth of it while a penalty is left."""
+    return abs(point.merit - merit) <= (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
+
+
+def _search(model: SequentialModel, start: Point, end: Point | None, foreseen: float) -> Point | None:
+    """The first point on the way to `end` that brings enough of the merit foreseen there, None where there is none."""
+    if end is None:
+        return None
     for step in STEPS:
         candidate = end if step == 1.0 else model.between(start, end, step)
-        if candidate.merit < start.merit - SUFFICIENT * step * max(start.merit - end.merit, 0.0):
+        if candidate.merit < start.merit - SUFFICIENT * step * max(start.merit - foreseen, 0.0):
             return candidate
     return None
