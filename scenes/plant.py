@@ -137,7 +137,7 @@ def _robot_alone(robot: Robot) -> RobotPlant:
 def _build(robot: Robot, terrain: Terrain | None, meshcat: Meshcat | None, near: np.ndarray | None) -> RobotPlant:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
-    Parser(plant).AddModels(str(robot.model))
+    Parser(plant).AddModels(robot.model)
     surfaces: list[GeometryId | None] = []
     names: dict[GeometryId, str] = {}
     if terrain is not None:

@@ -136,12 +136,14 @@ def _named_robot(name: str) -> Robot:
 
 def _robot(path: Path, entry: RobotEntry) -> Robot:
     model = _model_file(path, entry)
+    tree = _read_model(model)
+    _check_names(path, entry, tree)
     effectors = [entry.effectors[e] for e in EFFECTORS]
     return Robot(
         name=entry.name,
         model=model,
         model_sha256=hashlib.sha256(model.read_bytes()).hexdigest(),
-        mass=_mass(model),
+        mass=_mass(model, tree),
         effectors=tuple(EffectorSpec(n, e.frame, e.half_extent) for n, e in zip(EFFECTORS, effectors, strict=True)),
         base_body=entry.base_body,
         torso_body=entry.torso_body,
@@ -173,9 +175,29 @@ def _model_file(path: Path, entry: RobotEntry) -> Path:
     return model
 
 
-def _mass(model: Path) -> float:
-    masses = etree.parse(str(model)).iterfind(".//link/inertial/mass")
-    mass = sum(float(m.get("value")) for m in masses)
+def _read_model(model: Path) -> etree._ElementTree:
+    try:
+        return etree.parse(str(model), etree.XMLParser(resolve_entities=False, no_network=True))
+    except etree.XMLSyntaxError as error:
+        raise InputError(f"{model}: not a readable URDF ({error})") from None
+
+
+def _mass(model: Path, tree: etree._ElementTree) -> float:
+    try:
+        mass = sum(float(m.get("value", "nan")) for m in tree.iterfind(".//link/inertial/mass"))
+    except ValueError:
+        mass = math.nan
     if not math.isfinite(mass) or mass <= 0:
         raise InputError(f"{model}: the masses of its links add up to {mass}, expected a positive number")
     return mass
+
+
+def _check_names(path: Path, entry: RobotEntry, tree: etree._ElementTree) -> None:
+    links, joints = ({e.get("name") for e in tree.iterfind(tag)} for tag in ("link", "joint"))
+    frames = {f"effectors.{name}.frame": e.frame for name, e in entry.effectors.items()}
+    for key, link in {"base_body": entry.base_body, "torso_body": entry.torso_body, **frames}.items():
+        if link not in links:
+            raise InputError(f"{path}: {key}: the model has no link {link!r}")
+    for joint in entry.nominal:
+        if joint not in joints:
+            raise InputError(f"{path}: nominal: the model has no joint {joint!r}")

@@ -100,6 +100,8 @@ class _Model:
             tree = etree.parse(str(urdf), parser)
         except etree.XMLSyntaxError as error:
             raise InputError(f"{urdf}: not XML ({error})") from None
+        if tree.docinfo.internalDTD is not None:
+            raise InputError(f"{urdf}: declares a document type, expected a plain URDF")
         self.urdf = urdf
         self.root = etree.Element("robot", nsmap={"drake": DRAKE}, name=self.name)
         self.root.extend([e for e in tree.getroot() if e.tag in KEPT])
@@ -303,7 +305,7 @@ def touching_pairs(urdf: Path, nominal: Mapping[str, float], distance: float) ->
 
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    Parser(plant).AddModels(str(urdf))
+    Parser(plant).AddModels(urdf)
     plant.Finalize()
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()

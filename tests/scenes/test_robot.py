@@ -76,6 +76,9 @@ def test_arrays_of_a_robot_cannot_be_written():
         ({"model": "nowhere.urdf"}, "model.*nowhere.urdf"),
         ({"model": ...}, "either model"),
         ({"nominal.left_knee": "bent"}, "nominal.left_knee"),
+        ({"nominal.third_knee": 0.1}, "nominal.*'third_knee'"),
+        ({"base_body": "hips"}, "base_body.*'hips'"),
+        ({"effectors.left_palm.frame": "left_paw"}, "effectors.left_palm.frame.*'left_paw'"),
     ],
 )
 def test_what_is_wrong_is_named(robot_file, changes, message):
@@ -93,5 +96,5 @@ def test_a_key_given_twice_is_an_error(tmp_path):
 
 
 def test_a_missing_file_is_an_input_error(tmp_path):
-    with pytest.raises(InputError, match="none.yaml"):
+    with pytest.raises(InputError, match=r"none\.yaml"):
         load_robot(tmp_path / "none.yaml")
