@@ -33,6 +33,7 @@ from scenes.transition_model import TransitionModel
 State = tuple[int, int, int, int, int]  # left foot, right foot, left palm, right palm, last mover
 HeuristicName = Literal["grid", "euclidean", "admissible"]
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
+BLAMED_OUT = 2  # times a contact is blamed for a motion's failure before it is not used again
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
@@ -62,7 +63,8 @@ class ContactDomain:
         self.pool: ContactPool = check.pool
         self.check = check
         self.rejections: Counter[str] = Counter()
-        self.forbidden: set[tuple[State, State]] = set()
+        self._forbidden: set[tuple[int, ...]] = set()
+        self._blamed: Counter[int] = Counter()
         self.grid = TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
         self._models = [model.mirrored(True), model.mirrored(False)]
         self._heuristic_name = heuristic
@@ -117,13 +119,22 @@ class ContactDomain:
 
     def confirm(self, parent: State, state: State) -> bool:
         """Balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3)."""
-        if (parent, state) in self.forbidden:
-            self.rejections["collision"] += 1
+        if self._forbidden and (_move(parent, state) in self._forbidden or self._spoiled(parent, state)):
+            self.rejections["motion"] += 1
             return False
         reason = self.check.transition(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason
+
+    def forbid(self, before: State, after: State) -> None:
+        """Bars a move that the motion stage refused, whatever the palms do; a contact blamed repeatedly goes altogether."""
+        self._forbidden.add(_move(before, after))
+        self._blamed[after[after[4]]] += 1
+
+    def _spoiled(self, before: State, after: State) -> bool:
+        made = after[after[4]]
+        return made >= 0 and self._blamed[made] >= BLAMED_OUT
 
     # Moves -----------------------------------------------------------------------------------------------------
 
@@ -249,6 +260,12 @@ class ContactDomain:
         x, y, z = self._shoulder * [1.0, 1.0 if side == 0 else -1.0, 1.0]
         c, s = np.cos(yaw), np.sin(yaw)
         return mean + np.column_stack([c * x - s * y, s * x + c * y, np.full(len(c), z)])
+
+
+def _move(before: State, after: State) -> tuple[int, ...]:
+    """What a transition does, without the palms that only look on: mover, standing feet, old and new contact."""
+    mover = after[4]
+    return (mover, *(n for e, n in enumerate(before[:2]) if e != mover), before[mover], after[mover])
 
 
 def _wrap(angle: np.ndarray) -> np.ndarray:

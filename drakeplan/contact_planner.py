@@ -122,7 +122,7 @@ class ContactPlanner:
 
     def forbid(self, before: State, after: State) -> None:
         """Bars a transition that failed a later, stricter check, so that the next search goes round it."""
-        self.domain.forbidden.add((before, after))
+        self.domain.forbid(before, after)
 
     def why_not(self) -> str:
         """Why there is no plan, in one line."""

@@ -32,6 +32,7 @@ from scenes.transition_model import transition_model
 
 PLANNERS = ("search",)
 DYNAMICS = ("quasi-static",)
+WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
 
 
@@ -190,7 +191,7 @@ class _Query:
         self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone))
 
     def run(self) -> PlanResult:
-        last: tuple[str, ContactPlan | None] = ("", None)
+        refused: tuple[str, ContactPlan, Report | None] | None = None
         for _ in range(MAX_REPAIRS + 1):
             found = self._search()
             if not found:
@@ -198,21 +199,25 @@ class _Query:
             best = found[-1]
             self._note(best)
             motion = self._move(best)
-            if motion.ok:
+            verification = None
+            # The motion stage's limits are a little tighter than the verifier's, whose word counts.
+            if motion.ok or 0 < len(motion.problems) <= WORTH_VERIFYING:
                 plan = self._assemble(best, motion)
                 verification = self._verify(plan)
                 if verification.holds:
                     return self._result("complete", "", plan, verification)
+            if motion.ok and verification is not None:
                 failed = ", ".join(c.name for c in verification.checks if not c.ok)
-                return self._result("contacts", f"verification failed: {failed}", self._assemble(best, None), verification)
-            last = (motion.reason, best)
+                refused = (f"verification failed: {failed}", best, verification)
+            else:
+                refused = (motion.reason, best, verification)
             if not self._bar(best, motion):
                 break
             self.record.repairs += 1
-        if last[1] is not None:
-            return self._result("contacts", f"contacts found, but {last[0]}", self._assemble(last[1], None), None)
-        reason = self.planner.why_not()
-        return self._result("none", reason, None, None)
+        if refused is not None:
+            reason, best, verification = refused
+            return self._result("contacts", f"contacts found, but {reason}", self._assemble(best, None), verification)
+        return self._result("none", self.planner.why_not(), None, None)
 
     def _search(self) -> list[ContactPlan]:
         """Every incumbent of one round of search, best last."""
