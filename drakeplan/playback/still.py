@@ -36,7 +36,7 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
     plates = [i for i in alone if not terrain_mesh.is_wall(surfaces[i])]
     _mesh(meshcat, "terrain/plates", terrain_mesh.plate_mesh(surfaces, plates))
     _mesh(meshcat, "terrain/facets", terrain_mesh.facet_mesh(surfaces, facets))
-    _mesh(meshcat, "terrain/walls", terrain_mesh.wall_mesh(surfaces, walls), one_sided=True)
+    _walls(meshcat, terrain_mesh.wall_mesh(surfaces, walls))
     _mesh(meshcat, "terrain/obstacles", terrain_mesh.rock_mesh(plan.triangles))
     starts, ends = terrain_mesh.outlines(surfaces)
     grey = Rgba(*terrain_mesh.OUTLINE)
@@ -55,11 +55,26 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
         _goal(meshcat, np.asarray(scene.goal.xyz, float), scene.goal.radius)
 
 
+def _walls(meshcat: Meshcat, mesh: terrain_mesh.ColouredMesh) -> None:
+    """Solid from in front, a mere tint from behind, so that a wall never hides who walks beside it."""
+    if not len(mesh):
+        return
+    _mesh(meshcat, "terrain/walls", mesh, one_sided=True)
+    vertices, faces = _soup(mesh)
+    tint, behind = Rgba(*terrain_mesh.WALL * 0.9, 0.22), Meshcat.SideOfFaceToRender.kBackSide
+    meshcat.SetTriangleMesh(f"{ROOT}/terrain/walls_from_behind", vertices, faces, tint, False, 1.0, behind)
+
+
+def _soup(mesh: terrain_mesh.ColouredMesh) -> tuple[np.ndarray, np.ndarray]:
+    """(3, 3K) vertices and (3, K) faces."""
+    vertices = mesh.triangles.reshape(-1, 3).T
+    return vertices, np.arange(vertices.shape[1], dtype=np.int32).reshape(-1, 3).T
+
+
 def _mesh(meshcat: Meshcat, name: str, mesh: terrain_mesh.ColouredMesh, *, one_sided: bool = False) -> None:
     if not len(mesh):
         return
-    vertices = mesh.triangles.reshape(-1, 3).T
-    faces = np.arange(vertices.shape[1], dtype=np.int32).reshape(-1, 3).T
+    vertices, faces = _soup(mesh)
     colours = np.repeat(mesh.colours, 3, axis=0).T
     side = Meshcat.SideOfFaceToRender.kFrontSide if one_sided else Meshcat.SideOfFaceToRender.kDoubleSide
     meshcat.SetTriangleColorMesh(f"{ROOT}/{name}", vertices, faces, colours, False, 1.0, side)
