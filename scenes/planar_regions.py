@@ -147,7 +147,8 @@ def _buried(
     frame = shapely.box(*outline.buffer(10 * GRID).bounds)
     low, high = np.array(frame.bounds[:2]), np.array(frame.bounds[2:])
     here = ((segments.min(axis=1) <= high) & (segments.max(axis=1) >= low)).all(axis=1)
-    lines = np.atleast_1d(shapely.set_precision(shapely.linestrings(segments[here]), GRID))
+    lines: np.ndarray = shapely.linestrings(segments[here])  # pyright: ignore[reportAssignmentType]
+    lines = shapely.set_precision(lines, GRID)
     noded = shapely.union_all([*lines[~shapely.is_empty(lines)], frame.exterior], grid_size=GRID)
     cells = shapely.get_parts(shapely.polygonize([noded]))
     cells = cells[shapely.intersects(cells, outline) & shapely.contains(frame.buffer(10 * GRID), cells)]
