@@ -20,6 +20,7 @@ from drakeplan.encounters import Encounters, ProximityMonitor, joined
 from drakeplan.key_postures import BalanceRegions, KeyPostures, solve_key_postures, solve_swing_postures
 from drakeplan.motion_check import Problem, find_problems, transition_of, velocities
 from drakeplan.motion_targets import (
+    FAINT,
     Detour,
     contact_room,
     effector_targets,
@@ -297,12 +298,15 @@ class _Frames:
 
     def _smooth(self) -> None:
         """Takes out what jerks: every frame once more, close to the smoothed motion as far as contacts and CoM allow."""
-        weight = np.where(self.targets.posture_weight > 0.0, self.targets.posture_weight * FAITHFUL, 0.0)
-        smooth = replace(self.targets, q_ref=smoothed(self.answer.q, SMEAR * self.maker.options.rate), posture_weight=weight)
-        usual, self.targets = self.targets, smooth
-        self.answer = self._track(smooth.q_ref)
+        usual = self.targets
+        _, weight = effector_targets(self.schedule, self.swings, self.t, self.free, FAINT)
+        q = smoothed(self.answer.q, SMEAR * self.maker.options.rate)
+        self.targets = replace(
+            usual, q_ref=q, posture_weight=FAITHFUL * usual.posture_weight, place_weight=weight[:, :, 0],
+            turn_weight=weight[:, :, 1],
+        )  # fmt: skip
+        self.answer = self._track(q)
         self.met = self._near(np.ones(len(self.t), dtype=bool))
-        self.faithful, self.targets = smooth, usual
 
     def _near(self, frames: np.ndarray) -> Encounters:
         return self.maker.monitor.near(self.answer.q, np.flatnonzero(frames), SEEN)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from drakeplan.encounters import Encounters
 from drakeplan.phases import Schedule
@@ -14,7 +15,7 @@ from optimization.posture_tracking import LEVER
 
 # The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
-JUMP = 0.16  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
+JUMP = 0.18  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
 
@@ -51,11 +52,17 @@ def mean_velocities(q: np.ndarray, step: float) -> np.ndarray:
 
 
 def velocities(q: np.ndarray, step: float) -> np.ndarray:
-    """(T, nv) velocity at each frame: the mean of the frames beside it, zero at both ends."""
+    """(T, nv) velocity at each frame of q (T, nq): that of the cubic spline through the frames, at rest at both ends.
+
+    Its slopes follow from continuous accelerations, v[k-1] + 4 v[k] + v[k+1] = 3 (d[k-1] + d[k]) with d the mean
+    velocities (de Boor 1978, ch. IV); turns of the base over a frame are small enough to add like vectors.
+    """
     v = np.zeros((len(q), q.shape[1] - 1))
     if len(q) > 2:
         d = mean_velocities(q, step)
-        v[1:-1] = 0.5 * (d[:-1] + d[1:])
+        band = np.ones((3, len(q) - 2))
+        band[1] = 4.0
+        v[1:-1] = solve_banded((1, 1), band, 3.0 * (d[:-1] + d[1:]))
     return v
 
 

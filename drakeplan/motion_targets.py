@@ -22,7 +22,8 @@ from scenes.robot import Robot
 
 NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and turn beside its contacts
 AIR = np.array([4.0, 0.5])  # and in the air, where the CoM leads and an ankle at its limit may give way
-NEARBY = 0.2  # share of the swing over which one changes into the other
+FAINT = np.array([0.4, 0.1])  # and in the air of a motion that is only smoothed
+NEARBY = 0.15  # share of the swing over which one changes into the other
 GUIDED = (0.05, 0.6)  # shares of a palm's way to its wall between which its curve takes over from the free arm
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
@@ -66,13 +67,18 @@ def plan_one_swing(
 
 
 def effector_targets(
-    schedule: Schedule, swings: Sequence[SwingCurve], t: np.ndarray, free: np.ndarray | None = None
+    schedule: Schedule,
+    swings: Sequence[SwingCurve],
+    t: np.ndarray,
+    free: np.ndarray | None = None,
+    air: np.ndarray = AIR,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(T, E, 4, 4) poses of the end effectors and (T, E, 2) weights of place and turn; 0 where one hangs free.
 
     Args:
         free: (T, E, 4, 4) poses of arms that hang free. Palms on their way to or from a wall go from there to
             their curve; without it they are left free.
+        air: (2,) weights of place and turn in the air.
     """
     held = schedule.contact_at(t)
     X_WE = np.tile(np.eye(4), (*held.shape, 1, 1))
@@ -87,18 +93,18 @@ def effector_targets(
         kind = schedule.kind(k)
         if kind == MOVE:
             X_WE[frames, swing.mover] = curve.poses(u)
-            weight[frames, swing.mover] = _swing_weight(np.minimum(u, 1.0 - u))
+            weight[frames, swing.mover] = _swing_weight(np.minimum(u, 1.0 - u), air)
         elif free is not None:
             to_wall = u if kind == MAKE else 1.0 - u
             X_WE[frames, swing.mover] = _blended(free[frames, swing.mover], curve.poses(0.5 + 0.5 * to_wall), to_wall)
-            weight[frames, swing.mover] = _swing_weight(1.0 - to_wall)
+            weight[frames, swing.mover] = _swing_weight(1.0 - to_wall, air)
     return X_WE, weight
 
 
-def _swing_weight(from_contact: np.ndarray) -> np.ndarray:
+def _swing_weight(from_contact: np.ndarray, air: np.ndarray) -> np.ndarray:
     """(n, 2) weights of an end effector this share of its swing away from a contact."""
     share = np.array([smooth_step(x / NEARBY) for x in from_contact])
-    return NEAR + (AIR - NEAR) * share[:, None]
+    return NEAR + (air - NEAR) * share[:, None]
 
 
 def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray) -> np.ndarray:

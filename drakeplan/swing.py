@@ -11,7 +11,8 @@ from scenes.contact import Contact
 from scenes.packed_terrain import PackedTerrain, near, polygon_meets_box
 
 RISE = 0.4  # share of the swing that it takes to leave the old contact, or to land on the new one
-WAIT = 0.06  # share of the swing after which a foot also rises straight up
+WAIT = 0.06  # share of the swing after which a foot also rises straight up and turns
+TURN = 0.42  # share of the swing in which a foot turns level, and from level to its new tilt
 ALONG = 0.03  # [m] a foot leaves and lands along the normal, a palm all the way
 TRAVELS = np.array([0.1, 0.22])  # share at either end without travel; the usual one first
 LATE = 0.05  # [m] of height that the usual share of travel is worth: a late one travels faster
@@ -28,12 +29,15 @@ class SwingCurve:
     """An end effector's pose over a swing, u from 0 to 1.
 
         p(u) = p_A + a(u) + (p_B + b(1) - p_A - a(1)) s(v) + b(1 - u) - b(1) + side bump(v)
-        R(u) = R_A exp(theta s(v)),        v = (u - travel) / (1 - 2 travel)
-        a(u) = min(lift, along) n_A s(u / RISE) + max(lift - along, 0) e_z s((u - WAIT) / RISE),  b alike from n_B, lower
+        a(u) = min(lift, along) n_A s(u / RISE) + max(lift - along, 0) e_z s((u - WAIT) / RISE),  b alike for B
+        R(u) = exp(tilt_A (1 - s((u - WAIT) / TURN)) + tilt_B (1 - s((1 - u - WAIT) / TURN))) L(v)        feet
+        R(u) = R_A exp(theta s(v))                                                                        palms
+        v = (u - travel) / (1 - 2 travel),  L(v) level with a heading that goes from A's to B's,  R_A = exp(tilt_A) L(0)
 
     with s the quintic smooth step and a smooth bump between the ends of the travel. Each term has zero velocity and
-    acceleration at its ends, so the curve leaves p_A along its normal n_A and lands on p_B along n_B at rest. Further up
-    it rises straight: a tilted stone's normal would take the foot out of the leg's reach.
+    acceleration at its ends, so the curve leaves p_A along its normal n_A and lands on p_B along n_B at rest. Further
+    up a foot rises straight and turns level: a tilted stone's normal would take it out of the leg's reach, and its
+    tilt out of the ankle's.
 
     Attributes:
         X_WA, X_WB: (4, 4) first and last pose [m]; z axes are the contact normals.
@@ -56,7 +60,8 @@ class SwingCurve:
     def poses(self, u: np.ndarray) -> np.ndarray:
         """(n, 4, 4) pose in W at every u (n,) in [0, 1]."""
         u = np.ascontiguousarray(np.clip(u, 0.0, 1.0))
-        return _curve(self.X_WA, self.X_WB, self.lift, self.lower, np.asarray(self.side, float), self.travel, self.along, u)
+        side = np.asarray(self.side, dtype=float)
+        return _curve(self.X_WA, self.X_WB, self.lift, self.lower, side, self.travel, self.along, u)
 
 
 def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
@@ -131,7 +136,7 @@ def _standing_leg(other: Contact) -> np.ndarray:
     """(4, 4, 3) upright faces of a box around the standing ankle and shin [m]."""
     corners = SHIN_HALF * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     ring = other.p_WC + corners @ other.R_WC[:, :2].T
-    top = ring + [0.0, 0.0, SHIN_TOP]
+    top = ring + np.array([0.0, 0.0, SHIN_TOP])
     return np.array([[ring[i], ring[i - 3], top[i - 3], top[i]] for i in range(4)])
 
 
@@ -152,7 +157,9 @@ def _curve(
 ) -> np.ndarray:  # fmt: skip
     R_WA, R_WB = np.ascontiguousarray(X_WA[:3, :3]), np.ascontiguousarray(X_WB[:3, :3])
     theta = _rotation_vector(R_WA.T @ R_WB)
-    angle = np.sqrt(theta @ theta)
+    yaw_a, yaw_b = np.arctan2(R_WA[1, 0], R_WA[0, 0]), np.arctan2(R_WB[1, 0], R_WB[0, 0])
+    tilt_a, tilt_b = _rotation_vector(R_WA @ _level(yaw_a).T), _rotation_vector(R_WB @ _level(yaw_b).T)
+    turn = (yaw_b - yaw_a + np.pi) % (2.0 * np.pi) - np.pi
     normal_a, normal_b = min(lift, along), min(lower, along)
     poses = np.zeros((u.shape[0], 4, 4))
     for i in range(u.shape[0]):
@@ -168,7 +175,12 @@ def _curve(
             land = n_b * along_b + (lower - normal_b) * e_z * up_b
             way = X_WB[a, 3] + top_b - X_WA[a, 3] - top_a
             poses[i, a, 3] = X_WA[a, 3] + leave + way * s + land - top_b + side[a] * bump
-        poses[i, :3, :3] = R_WA @ _rotation(theta, angle, s)
+        if np.isinf(along):
+            poses[i, :3, :3] = R_WA @ _rotation(s * theta)
+        else:
+            level_a, level_b = smooth_step((u[i] - WAIT) / TURN), smooth_step((1.0 - u[i] - WAIT) / TURN)
+            tilt = tilt_a * (1.0 - level_a) + tilt_b * (1.0 - level_b)
+            poses[i, :3, :3] = _rotation(tilt) @ _level(yaw_a + s * turn)
         poses[i, 3, 3] = 1.0
     return poses
 
@@ -193,14 +205,22 @@ def _rotation_vector(R: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _rotation(theta: np.ndarray, angle: float, s: float) -> np.ndarray:
-    """(3, 3) rotation by s times the rotation vector theta of length `angle` (Rodrigues)."""
+def _rotation(theta: np.ndarray) -> np.ndarray:
+    """(3, 3) rotation by the rotation vector theta (3,) [rad] (Rodrigues)."""
     R = np.eye(3)
+    angle = np.sqrt(theta @ theta)
     if angle < 1e-12:
         return R
     k = theta / angle
     K = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
-    return R + np.sin(s * angle) * K + (1.0 - np.cos(s * angle)) * (K @ K)
+    return R + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
+
+
+@njit(cache=True)
+def _level(yaw: float) -> np.ndarray:
+    """(3, 3) rotation about the vertical."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 @njit(cache=True)
@@ -208,7 +228,7 @@ def _lowest(
     packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WA: np.ndarray, X_WB: np.ndarray,
     away: np.ndarray, box: np.ndarray, along: float, raised: float, pushed: float,
 ) -> tuple[float, float, float, float, int]:  # fmt: skip
-    """(lift, lower, push, travel, hits) of the cheapest clear curve at the least push, else of the one with fewest hits.
+    """(lift, lower, push, travel, hits) of the cheapest clear curve at the least push, else of that with fewest hits.
 
     The heights grow one at a time: the first while the first half meets something, the second while the second does.
     """
@@ -287,7 +307,7 @@ def _meets(
                 apart = True
         if not apart and polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
             return True
+    hit = False
     for k in range(blocks.shape[0]):
-        if polygon_meets_box(blocks[k], 4, R, p, low, high, work):
-            return True
-    return False
+        hit = hit or polygon_meets_box(blocks[k], 4, R, p, low, high, work)
+    return hit
