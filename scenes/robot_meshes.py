@@ -38,14 +38,11 @@ def hull_obj(points: np.ndarray) -> str:
 
 def visual_obj(path: Path, scale: np.ndarray) -> tuple[str, tuple[float, ...]]:
     """A mesh file as OBJ text with `scale` (3,) applied, and one colour for all of it (RGBA)."""
-    import trimesh
-
     triangles = read_mesh(path) * scale
     vertices, faces = np.unique(np.round(triangles.reshape(-1, 3), 6), axis=0, return_inverse=True)
     faces = faces.reshape(-1, 3)
     if np.prod(scale) < 0:
         faces = faces[:, ::-1]
-    del trimesh
     return obj_text(vertices, faces), mean_colour(path)
 
 

@@ -111,7 +111,9 @@ def test_a_contact_out_of_reach_is_named(solver, escher):
 
 
 def test_a_balance_region_out_of_reach_is_named(solver, escher):
-    answer = solver.solve([pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None], SMALL + np.array([1.0, 0.0]), escher.q_nominal)
+    answer = solver.solve(
+        [pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None], SMALL + np.array([1.0, 0.0]), escher.q_nominal
+    )
     assert not answer.ok
     assert answer.violations
 
