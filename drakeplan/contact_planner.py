@@ -94,7 +94,7 @@ class ContactPlanner:
         self.start = start_stance(scene, self.packed, robot)
         goal = check_goal(scene, self.packed, robot)
         self.pool = ContactPool(self.packed)
-        self.check = TransitionCheck(self.pool, robot, ik, self.options.cone)
+        self.check = TransitionCheck(self.pool, robot, ik, self.packed, self.options.cone)
         self.domain = ContactDomain(
             self.packed, robot, goal, model or transition_model(), self.check, self.options.weights,
             self.options.heuristic, self.options.use_palms,

@@ -13,20 +13,24 @@ import numpy as np
 from drakeplan.contact_pool import ContactPool
 from optimization.friction import cone_generators, cone_index, frame_stands_alone
 from optimization.static_equilibrium import com_polygon
+from optimization.terrain_clearance import limbs, penetration
 from optimization.whole_body_ik import IkOptions, WholeBodyIK
+from scenes.packed_terrain import PackedTerrain
 from scenes.robot import Robot
 
 Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 MAX_CORNERS = 48  # of a balance polygon
 BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,
 MARGIN_SHARE = 0.4  # or, in narrow ones, this share of the way from the edge to the centroid
+LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion stage moves it out
 
 
 class TransitionCheck:
     """Answers for one robot on one terrain, cached by contact numbers."""
 
-    def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, cone: str) -> None:
-        self.pool, self.robot, self.cone, self.ik = pool, robot, cone, ik
+    def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: str) -> None:
+        self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
+        self._limbs = limbs(ik.model.tree, ik.model.capsules)
         self._cone_index = cone_index(cone)
         self._ik_options = IkOptions(restarts=0)
         self._half = np.array([e.half_extent for e in robot.effectors])
@@ -53,11 +57,11 @@ class TransitionCheck:
         return self._regions[held]
 
     def stance(self, held: Held) -> str:
-        """Why the robot cannot stand still with these contacts: "", "balance" or "reach"."""
+        """Why the robot cannot stand still with these contacts: "", "balance", "reach" or "collision"."""
         return self._posture(held, held, None)
 
     def transition(self, before: Held, after: Held) -> str:
-        """Why the step from one stance to the next cannot be made: "", "balance" or "reach"."""
+        """Why the step from one stance to the next cannot be made: "", "balance", "reach" or "collision"."""
         support = tuple(a if a == b else -1 for a, b in zip(before, after, strict=True))
         if self.region(support) is None:
             return "balance"
@@ -102,7 +106,8 @@ class TransitionCheck:
         if not answer.ok and seed is not None:
             answer = self.ik.solve(X_WE, active, region, None, options=options)
         if answer.ok:
-            return "", answer.q
+            depth = penetration(self.ik.model.tree, self.ik.model.capsules, self._limbs, self.packed, answer.q)
+            return ("collision" if depth > LIMB_DEPTH else ""), answer.q
         return ("reach" if answer.contact_error > answer.com_violation else "balance"), answer.q
 
     def _solve_region(self, held: Held) -> np.ndarray | None:
