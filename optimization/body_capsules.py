@@ -18,15 +18,23 @@ from optimization.kinematic_tree import KinematicTree
 from optimization.kinematics import Kinematics
 
 _THINNEST, _THICKEST = 0.025, 0.03  # [m] radii that stand for boxes: thick ones cut corners, thin ones are many
+_HULL = 0.05  # [m] the same for hulls, whose corners the box around them overfills anyway
 _TOUCHING = 0.01  # [m] pairs closer than this in the nominal posture are built that way: they may come as close again
 
 
 class BodyCapsules(NamedTuple):
     """K capsules in S shapes, and the P pairs of shapes that may not meet.
 
-    Fields: link (S,) int64; first (S + 1,) int64, shape s owns capsules first[s] .. first[s + 1] - 1; p_LA, p_LB (K, 3)
-    [m], the capsules' ends in the link; radius (K,) [m]; p_LC (S, 3) [m] and reach (S,) [m], a sphere around each
-    shape; pair (P, 2) int64; clearance (P,) [m], the distance to keep, negative where the nominal posture overlaps.
+    Attributes:
+        link: (S,) the link that carries each shape.
+        first: (S + 1,) shape s owns capsules first[s] to first[s + 1] - 1.
+        p_LA, p_LB: (K, 3) ends of the capsules' axes in the link [m].
+        radius: (K,) of the capsules [m].
+        half: (K,) half the length of their axes [m].
+        p_LC: (S, 3) centre of a sphere around each shape, in the link [m].
+        reach: (S,) its radius [m].
+        pair: (P, 2) shapes that are checked against each other.
+        clearance: (P,) distance to keep [m], negative where the nominal posture overlaps.
     """
 
     link: np.ndarray
@@ -34,6 +42,7 @@ class BodyCapsules(NamedTuple):
     p_LA: np.ndarray
     p_LB: np.ndarray
     radius: np.ndarray
+    half: np.ndarray
     p_LC: np.ndarray
     reach: np.ndarray
     pair: np.ndarray
@@ -72,6 +81,7 @@ def read_capsules(
     spheres = np.array([_sphere_around(c) for c in capsules]).reshape(-1, 4)
     body = BodyCapsules(
         np.array(links, np.int64), first.astype(np.int64), ends[:, :3].copy(), ends[:, 3:6].copy(), ends[:, 6].copy(),
+        0.5 * np.linalg.norm(ends[:, 3:6] - ends[:, :3], axis=1),
         spheres[:, :3].copy(), spheres[:, 3].copy(), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(len(pairs)),
     )  # fmt: skip
     R, p = kinematics.link_poses(q_nominal)
@@ -107,15 +117,15 @@ def _capsules(inspector: SceneGraphInspector, geometry: GeometryId, X_LG: np.nda
     else:
         hull = inspector.GetConvexHull(geometry)
         points = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
-        local = _fill_box(0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0))
+        local = _fill_box(0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0), _HULL)
     ends = local[:, :6].reshape(-1, 2, 3) @ X_LG[:3, :3].T + X_LG[:3, 3]
     return np.hstack([ends.reshape(-1, 6), local[:, 6:]])
 
 
-def _fill_box(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+def _fill_box(centre: np.ndarray, half: np.ndarray, thickest: float = _THICKEST) -> np.ndarray:
     """(k, 7) capsules along the longest edge of a box of these half edges, side by side across the other two."""
     long, wide, thin = np.argsort(-half, kind="stable")
-    r = float(np.clip(half[thin], _THINNEST, _THICKEST))
+    r = float(np.clip(half[thin], _THINNEST, thickest))
     capsules = []
     for a in _spread(half[wide], r):
         for b in _spread(half[thin], r):
@@ -146,8 +156,12 @@ def _sphere_around(capsules: np.ndarray) -> np.ndarray:
 class CapsuleRows(NamedTuple):
     """Room for what `close_pairs` finds, an entry a pair of shapes that are close.
 
-    Fields: pair (m,) int64, index into the pairs; link (m, 2) int64; point (m, 2, 3) [m] in W, the nearest points of
-    the two axes; normal (m, 3), unit, from the second to the first; distance (m,) [m] between the surfaces.
+    Attributes:
+        pair: (m,) index into the pairs.
+        link: (m, 2) links of the two shapes.
+        point: (m, 2, 3) nearest points of the two axes in W [m].
+        normal: (m, 3) unit vector from the second point to the first.
+        distance: (m,) between the surfaces [m].
     """
 
     pair: np.ndarray
@@ -243,6 +257,9 @@ def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float,
         nearest = body.clearance[k] + within
         for i in range(body.first[s], body.first[s + 1]):
             for j in range(body.first[t], body.first[t + 1]):
+                span = nearest + body.half[i] + body.half[j] + body.radius[i] + body.radius[j]
+                if _between_middles(A[i], B[i], A[j], B[j]) > 4.0 * span * span:
+                    continue
                 length = closest_on_segments(A[i], B[i], A[j], B[j], a, b)
                 if length - body.radius[i] - body.radius[j] < nearest:
                     nearest = length - body.radius[i] - body.radius[j]
@@ -250,6 +267,13 @@ def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float,
         if nearest < body.clearance[k] + within:
             count += 1
     return count
+
+
+@njit(cache=True)
+def _between_middles(a0: np.ndarray, a1: np.ndarray, b0: np.ndarray, b1: np.ndarray) -> float:
+    """Four times the square of the distance between the middles of two segments."""
+    x, y, z = a0[0] + a1[0] - b0[0] - b1[0], a0[1] + a1[1] - b0[1] - b1[1], a0[2] + a1[2] - b0[2] - b1[2]
+    return x * x + y * y + z * z
 
 
 @njit(cache=True)

@@ -23,10 +23,18 @@ from numba import njit
 class KinematicTree(NamedTuple):
     """The constants of a tree of n links with E named frames; all arrays are C-contiguous.
 
-    Fields: parent (n,) int64, -1 for the base and parent[i] < i; prismatic (n,) bool; R_PF (n, 3, 3) and p_PF (n, 3)
-    [m], the joint frame in the parent link; mass (n,) [kg]; p_LLcm (n, 3) [m], the link's centre of mass; I_LLcm_L
-    (n, 3, 3) [kg m^2], its inertia about it in L; frame_link (E,) int64, R_LE (E, 3, 3) and p_LE (E, 3) [m], the named
-    frames; lower, upper (n - 1,) [rad or m] and speed (n - 1,) [rad/s or m/s], the joints' limits.
+    Attributes:
+        parent: (n,) -1 for the base, else less than the link's own index.
+        prismatic: (n,) whether the link's joint slides.
+        R_PF, p_PF: (n, 3, 3) and (n, 3) the joint's frame in the parent link [m].
+        mass: (n,) [kg].
+        p_LLcm: (n, 3) centre of mass in the link [m].
+        I_LLcm_L: (n, 3, 3) inertia about the centre of mass, in the link's axes [kg m^2].
+        frame_link: (E,) link that carries each named frame.
+        R_LE, p_LE: (E, 3, 3) and (E, 3) the named frames in their links [m].
+        lower, upper: (n - 1,) position limits of the joints [rad or m].
+        speed: (n - 1,) speed limits [rad/s or m/s].
+        total_mass: [kg].
     """
 
     parent: np.ndarray

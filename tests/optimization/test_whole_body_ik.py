@@ -40,7 +40,7 @@ class Setup:
         plant.SetPositions(context, q)
         position = angle = 0.0
         for e in np.flatnonzero(active):
-            X = plant.GetFrameByName(EFFECTORS[e]).CalcPoseInWorld(context)
+            X = plant.GetFrameByName(self.ik.robot.effectors[e].frame).CalcPoseInWorld(context)
             position = max(position, np.linalg.norm(X.translation() - X_WE[e, :3, 3]))
             turn = RotationMatrix(X_WE[e, :3, :3].T @ X.rotation().matrix())
             angle = max(angle, abs(turn.ToAngleAxis().angle()))
@@ -282,6 +282,22 @@ def test_the_guess_stands_over_the_feet_with_its_centre_of_mass_in_the_polygon(e
 def test_malformed_tasks_are_refused(escher, change, match):
     with pytest.raises(ValueError, match=match):
         escher.ik.solve(*change(*random_stance(np.random.default_rng(0), 2)))
+
+
+def test_another_robot_needs_only_its_data():
+    pytest.importorskip("jvrc_description")
+    robot = load_robot("jvrc1")
+    setup = Setup(WholeBodyIK(robot), build_plant(robot))
+    rng = np.random.default_rng(2)
+    found = 0
+    for _ in range(15):
+        task = random_stance(rng, 2, reach=0.7)
+        answer = setup.ik.solve(*task)
+        if answer.ok:
+            found += 1
+            assert_held(setup, task, answer.q)
+            assert setup.penetration(answer.q) < 5e-3
+    assert found >= 13
 
 
 def snopt_finds(setup, task):
