@@ -139,7 +139,7 @@ def _drop_artificial(
     for i in range(4 + n):
         if basic[i] < 4 * n * generators.shape[1] + n:
             continue
-        chosen, size = -1, PIVOT
+        chosen, size = basic[i], PIVOT
         for sign in (1.0, -1.0):
             for k in range(4):
                 y[k] = sign * T[i, k]
@@ -150,7 +150,7 @@ def _drop_artificial(
                 transform(contacts, generators, T, w, j)
                 if abs(w[i]) > size:
                     chosen, size = j, abs(w[i])
-        if chosen >= 0:
+        if chosen != basic[i]:
             transform(contacts, generators, T, w, chosen)
             pivot(T, basic, w, i, chosen)
     shift_right_hand_side(T)
