@@ -44,8 +44,8 @@ from scenes.terrain import Terrain
 
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART = 0.02  # [m] distance that pairs are asked to keep
-CLOSE = 0.006  # [m] pairs nearer than this are moved apart
-SMOOTHINGS = 2  # of the whole motion, each followed by another look for collisions
+CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
+SMOOTHINGS = 3  # of the whole motion, each followed by another look for collisions
 SMEAR, FAITHFUL = 0.04, 10.0  # [s] of smoothing, and how much harder than usual its result is held to
 WINDOW = 15  # frames before and after a collision that take part in moving out of its way
 COM_FEEDBACK = 0.010  # [m] a CoM this far off the plan goes back to the centroidal program
@@ -247,7 +247,7 @@ class _Frames:
                 break
         for _ in range(SMOOTHINGS):
             self._smooth()
-            if not self._keep_apart():
+            if not self._keep_apart(TOUCHING):
                 break
         problems = self._problems()
         v = velocities(self.answer.q, self.t[1] - self.t[0])
@@ -297,7 +297,7 @@ class _Frames:
         self.answer = self._track(self.answer.q, solve=wanted)
 
     def _smooth(self) -> None:
-        """Takes out what jerks: every frame once more, close to the smoothed motion as far as contacts and CoM allow."""
+        """Takes out what jerks: every frame once more, near the smoothed motion as far as contacts and CoM allow."""
         usual = self.targets
         _, weight = effector_targets(self.schedule, self.swings, self.t, self.free, FAINT)
         q = smoothed(self.answer.q, SMEAR * self.maker.options.rate)
@@ -311,14 +311,14 @@ class _Frames:
     def _near(self, frames: np.ndarray) -> Encounters:
         return self.maker.monitor.near(self.answer.q, np.flatnonzero(frames), SEEN)
 
-    def _keep_apart(self) -> bool:
-        """Moves bodies apart that are too near each other; False where there are none.
+    def _keep_apart(self, near: float = CLOSE) -> bool:
+        """Moves bodies apart that are nearer than `near` [m] to each other; False where there are none.
 
         A frame in collision does not know which way out is right, the frame before it does: stretches of frames are
         walked through one by one, each from the one before, with the pairs that are near there.
         """
         close = np.zeros(len(self.t), dtype=bool)
-        close[self.met.frame[self.met.distance < self._wanted(self.met) - APART + CLOSE]] = True
+        close[self.met.frame[self.met.distance < self._wanted(self.met) - APART + near]] = True
         if not close.any():
             return False
         stretches = _stretches(close, WINDOW)
