@@ -284,7 +284,7 @@ class _Query:
             mass=self.robot.mass,
             friction_cone=self.options.cone,
             scene_name=self.scene.name,
-            scene_yaml=scene_to_yaml(self.scene, meshes_as_surfaces=True),
+            scene_yaml=scene_to_yaml(self._scene_as_planned(best), meshes_as_surfaces=True),
             triangles=self.scene.terrain.triangles,
             half_extent=np.array([e.half_extent for e in self.robot.effectors]),
             contacts=contacts,
@@ -294,6 +294,14 @@ class _Query:
             motion=whole_body,
             provenance=self._provenance(),
         )
+
+    def _scene_as_planned(self, best: ContactPlan) -> Scene:
+        """The scene with a start on the ground: `--start X Y` leaves the height open, which no scene file can say."""
+        start = self.scene.start
+        if start is None or np.isfinite(start.xyz[2]):
+            return self.scene
+        height = float(best.stances[0].feet_mean()[2])
+        return dataclasses.replace(self.scene, start=dataclasses.replace(start, xyz=(*start.xyz[:2], height)))
 
     def _provenance(self) -> dict[str, object]:
         packages = ("drakeplan", "drake", "numpy", "numba", "scipy")

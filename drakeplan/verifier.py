@@ -15,7 +15,6 @@ import hashlib
 import itertools
 import json
 import math
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -469,22 +468,48 @@ class _Scene:
 def _read_scene(text: str) -> _Scene:
     if len(text) > MAX_YAML:
         raise UnreadablePlan(f"scene/yaml: longer than {MAX_YAML} characters")
-    # The parser recurses in C: what is nested absurdly deep would take the interpreter with it.
-    letters = np.frombuffer(text.encode(), np.uint8)
-    depth = np.cumsum(np.isin(letters, [*b"[{"]).astype(int) - np.isin(letters, [*b"]}"]))
-    if depth.max(initial=0) > 50 or re.search(r"^[ ?:-]{200}", text, re.MULTILINE):
-        raise UnreadablePlan("scene/yaml: nested too deep for a scene")
     try:
-        scene = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        scene = _plain(text)
+        if not isinstance(scene, dict):
+            raise TypeError("expected a mapping")
         friction = float(scene.get("friction", 0.5))
         plates = tuple(_read_plate(entry, k, friction) for k, entry in enumerate(scene.get("surfaces") or ()))
         boxes = tuple((_pose(entry.get("pose") or {}), _triple(entry["box"])) for entry in scene.get("obstacles") or ())
         start, goal = scene.get("start") or {}, scene.get("goal") or {}
         if not isinstance(start, dict) or not isinstance(goal, dict):
             raise TypeError("start and goal must be mappings")
-    except (yaml.YAMLError, RecursionError, TypeError, ValueError, KeyError, AttributeError) as error:
+    except (yaml.YAMLError, TypeError, ValueError, KeyError, AttributeError) as error:
         raise UnreadablePlan(f"scene/yaml: not a scene ({type(error).__name__}: {error})") from None
     return _Scene(plates, boxes, start, goal)
+
+
+def _plain(text: str) -> object:
+    """What YAML says, as dicts, lists, texts and None.
+
+    Built from the parser's events: PyYAML's own constructor recurses, so that deep nesting takes the interpreter with
+    it, follows aliases, reads 1e-3 as text and takes ten seconds for 14000 surfaces.
+    """
+    found: list[object] = []
+    opened = [(found, False)]  # the list being filled, and whether it will be a mapping
+    for event in yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        items = opened[-1][0]
+        if isinstance(event, yaml.ScalarEvent):
+            items.append(None if event.implicit[0] and event.value in ("", "~", "null") else event.value)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            opened.append(([], isinstance(event, yaml.MappingStartEvent)))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            items, mapping = opened.pop()
+            pairs = dict(zip(items[::2], items[1::2], strict=True)) if mapping else {}
+            if len(pairs) < len(items) // 2 * mapping:
+                raise ValueError("a key stands twice")
+            opened[-1][0].append(pairs if mapping else items)
+        elif isinstance(event, yaml.AliasEvent):
+            raise ValueError("aliases are not for scenes")
+        if len(opened) > 50:
+            raise ValueError("nested too deep")
+    if len(found) != 1:
+        raise ValueError("expected one document")
+    return found[0]
 
 
 def _read_plate(entry: dict, index: int, friction: float) -> _Plate:

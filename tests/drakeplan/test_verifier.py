@@ -140,10 +140,18 @@ def test_a_foreign_attribute_is_refused_in_one_line(
         ("effectors", ["left_foot", "right_foot", "right_palm", "left_palm"], "effectors: expected"),
         ("scene/yaml", "surfaces: 3", "scene/yaml: not a scene"),
         ("scene/yaml", "- [" * 1, "scene/yaml: not a scene"),
-        ("scene/yaml", "[" * 100_000, "scene/yaml: nested too deep"),
-        ("scene/yaml", "- " * 100_000, "scene/yaml: nested too deep"),
+        ("scene/yaml", "[" * 100_000, "nested too deep"),
+        ("scene/yaml", "- " * 100_000, "nested too deep"),
         ("scene/yaml", "surfaces: [{vertices: [[0, 0, 0], [1, 1, 0], [2, 2, 0]]}]", "encloses no area"),
-        ("scene/yaml", "surfaces: [{vertices: [[0, 0, .nan], [1, 1, 0], [2, 0, 0]]}]", "finite numbers"),
+        (
+            "scene/yaml",
+            "surfaces: [{vertices: [[0, 0, .nan], [1, 1, 0], [2, 0, 0]]}]",
+            "convert string to float: '.nan'",
+        ),
+        ("scene/yaml", "surfaces: [{vertices: [[0, 0, nan], [1, 1, 0], [2, 0, 0]]}]", "finite numbers"),
+        ("scene/yaml", "a: &a [1]\nsurfaces: *a", "aliases are not for scenes"),
+        ("scene/yaml", "surfaces: []\nsurfaces: []", "a key stands twice"),
+        ("scene/yaml", "{a: 1}\n---\n{b: 1}", "expected one document"),
         ("scene/yaml", "surfaces: []\nobstacles: [{box: [1, 2]}]", "scene/yaml: not a scene"),
     ],
 )
@@ -271,6 +279,34 @@ def test_what_the_closed_form_admits_the_program_admits_too(seed: int) -> None:
     block = verifier._corner_wrenches(np.eye(4), HALF, CONES["inner"].rays(MU), np.zeros(3))
     program = verifier._distance_to_cones([block], wrench[None])[0]
     assert found == pytest.approx(program, abs=1e-7)
+
+
+# ---- scenes
+
+
+def test_a_scene_is_read_as_the_rest_of_the_world_reads_yaml() -> None:
+    text = """
+friction: 1e-1
+surfaces:
+  - {name: "null", vertices: [[0, 0, 0], [1, 0, 0], [1, 1, 0]], friction: null}
+  - name: down
+    vertices: [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+    normal: [0, 0, -1]
+    contact: [left_palm]
+obstacles:
+- {box: [1, 2, 3], pose: {xyz: [1, 0, 0], rpy: [0, 0, 1.5707963267948966]}}
+goal: {xyz: [1, 0, 0], yaw: ~}
+"""
+    scene = verifier._read_scene(text)
+    assert [plate.name for plate in scene.plates] == ["null", "down"]
+    assert [plate.friction for plate in scene.plates] == [0.1, 0.1]
+    assert scene.plates[0].allowed == {"left_foot", "right_foot"}
+    assert scene.plates[1].allowed == {"left_palm"}
+    np.testing.assert_array_equal(scene.plates[1].normal, [0, 0, -1])
+    X_WO, size = scene.boxes[0]
+    np.testing.assert_allclose(X_WO[:3, :2], [[0, -1], [1, 0], [0, 0]], atol=1e-15)
+    np.testing.assert_array_equal(size, [1, 2, 3])
+    assert scene.goal["yaw"] is None
 
 
 # ---- covered patches
