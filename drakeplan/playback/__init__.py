@@ -27,6 +27,7 @@ from scenes.scene_file import scene_from_yaml
 
 HOST = "localhost"  # Drake's default listens on every interface
 UP = np.array([0.0, 0.0, 1.0])
+MOST_LIT = 2.5  # times the size of the way: farther off there is no sun, for the sake of sharp shadows
 HEAD_ABOVE_COM = 0.75  # [m] that the camera leaves room for
 
 __all__ = ["open_meshcat", "page_html", "robot_of", "show_plan", "write_page"]
@@ -119,7 +120,7 @@ def robot_of(plan: Plan) -> Robot:
 
 
 def _camera(plan: Plan, scene: Scene) -> tuple[View, float]:
-    """The view on the whole way, and how far from its target things matter [m]."""
+    """The view on the whole way, and how far from its target the sun must reach [m]."""
     contacts = plan.contacts.X_WC[:, :3, 3]
     way = plan.centroidal.com if plan.centroidal is not None else contacts + 0.1 * UP
     top = HEAD_ABOVE_COM if plan.centroidal is not None else 0.0
@@ -130,7 +131,10 @@ def _camera(plan: Plan, scene: Scene) -> tuple[View, float]:
         for s in scene.terrain.surfaces
     ]
     view = choose_view(way, points, np.concatenate([*fans, plan.triangles]))
-    return view, float(np.linalg.norm(points - view.target, axis=1).max()) + 1.0
+    near = float(np.linalg.norm(points - view.target, axis=1).max()) + 1.0
+    corners = np.stack(scene.terrain.extent)
+    whole = float(np.linalg.norm(np.maximum(*np.abs(corners - view.target))))
+    return view, float(np.clip(whole, near, MOST_LIT * near))
 
 
 @contextlib.contextmanager

@@ -126,7 +126,7 @@ def _goal(meshcat: Meshcat, xyz: np.ndarray, radius: float) -> None:
 
 
 def light_and_look(meshcat: Meshcat, view: View, extent: float) -> None:
-    """One sun with soft shadows, a pale sky, and the camera; `extent` [m] is how far from the target things matter."""
+    """One sun with soft shadows, a pale sky, the camera; `extent` [m] is how far from the target the sun reaches."""
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Background/<object>", "top_color", [0.55, 0.68, 0.83])
@@ -158,7 +158,7 @@ def _sun(meshcat: Meshcat, view: View, extent: float) -> None:
     meshcat.SetProperty(sun, "penumbra", 0.2)
     meshcat.SetProperty(sun, "castShadow", True)
     for key in ("width", "height"):
-        meshcat.SetProperty(sun, f"shadow.mapSize.{key}", 2048.0)
+        meshcat.SetProperty(sun, f"shadow.mapSize.{key}", 3072.0)
     meshcat.SetProperty(sun, "shadow.camera.near", 0.3 * distance)
     meshcat.SetProperty(sun, "shadow.camera.far", 2.5 * distance)
     meshcat.SetProperty(sun, "shadow.normalBias", 0.02)
