@@ -67,8 +67,8 @@ def read_capsules(
     capsules: list[np.ndarray] = []
     pairs: list[tuple[int, int]] = []
     for ids in sorted(inspector.GetCollisionCandidates(), key=lambda ids: (ids[0].get_value(), ids[1].get_value())):
-        placed = [_placed(kinematics, plant, inspector, g) for g in ids]
-        if placed[0] is None or placed[1] is None or placed[0][0] == placed[1][0]:
+        placed = [at for at in (_placed(kinematics, plant, inspector, g) for g in ids) if at is not None]
+        if len(placed) < 2 or placed[0][0] == placed[1][0]:
             continue
         for g, (link, X_LG) in zip(ids, placed, strict=True):
             if g not in shapes:
@@ -111,7 +111,7 @@ def _capsules(inspector: SceneGraphInspector, geometry: GeometryId, X_LG: np.nda
         h = 0.5 * shape.length()
         local = np.array([[0, 0, -h, 0, 0, h, shape.radius()]])
     elif isinstance(shape, Box):
-        local = _fill_box(np.zeros(3), 0.5 * shape.size())
+        local = _fill_box(np.zeros(3), 0.5 * np.array(shape.size()))
     elif isinstance(shape, Cylinder):
         local = _fill_box(np.zeros(3), np.array([shape.radius(), shape.radius(), 0.5 * shape.length()]))
     else:
@@ -127,8 +127,8 @@ def _fill_box(centre: np.ndarray, half: np.ndarray, thickest: float = _THICKEST)
     long, wide, thin = np.argsort(-half, kind="stable")
     r = float(np.clip(half[thin], _THINNEST, thickest))
     capsules = []
-    for a in _spread(half[wide], r):
-        for b in _spread(half[thin], r):
+    for a in _spread(float(half[wide]), r):
+        for b in _spread(float(half[thin]), r):
             ends = np.tile(centre, (2, 1)).astype(float)
             ends[:, wide] += a
             ends[:, thin] += b
@@ -249,11 +249,12 @@ def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float,
         if dx * dx + dy * dy + dz * dz > reach * reach or count == rows.pair.shape[0]:
             continue
         for shape in (s, t):
+            link = int(body.link[shape])
             if not placed[shape]:
                 placed[shape] = True
                 for i in range(body.first[shape], body.first[shape + 1]):
-                    _point_of_link(R, p, body.link[shape], body.p_LA[i], A[i])
-                    _point_of_link(R, p, body.link[shape], body.p_LB[i], B[i])
+                    _point_of_link(R, p, link, body.p_LA[i], A[i])
+                    _point_of_link(R, p, link, body.p_LB[i], B[i])
         nearest = body.clearance[k] + within
         for i in range(body.first[s], body.first[s + 1]):
             for j in range(body.first[t], body.first[t + 1]):
@@ -263,7 +264,7 @@ def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float,
                 length = closest_on_segments(A[i], B[i], A[j], B[j], a, b)
                 if length - body.radius[i] - body.radius[j] < nearest:
                     nearest = length - body.radius[i] - body.radius[j]
-                    _write_row(rows, count, k, body.link[s], body.link[t], a, b, length, nearest)
+                    _write_row(rows, count, k, int(body.link[s]), int(body.link[t]), a, b, length, nearest)
         if nearest < body.clearance[k] + within:
             count += 1
     return count

@@ -205,7 +205,7 @@ class DifferentialIK:
                 if body is not None:
                     link[k, end], X_LB = self.kinematics.bodies[body]
                     point[k, end] = X_LB[:3, :3] @ point[k, end] + X_LB[:3, 3]
-        normal = _array("normals", np.reshape([pair[4] for pair in pairs], (-1, 3)), (len(pairs), 3))
+        normal = _array("normals", np.array([pair[4] for pair in pairs], dtype=float).reshape(-1, 3), (len(pairs), 3))
         return PointPairs(link, point, normal, _array("distances", [pair[5] for pair in pairs], (len(pairs),)))
 
     def track(
@@ -234,24 +234,25 @@ class DifferentialIK:
         E, nv = len(self.robot.effectors), self.kinematics.num_velocities
         targets = FrameTargets(
             _array("X_WE", X_WE, (E + 1, 4, 4)),
-            np.ascontiguousarray(held, dtype=np.bool_).reshape(E),
+            np.array(held, dtype=np.bool_).reshape(E),
             _array("swing_linear", np.zeros(E) if swing_linear is None else swing_linear, (E,)),
             _array("swing_angular", np.zeros(E) if swing_angular is None else swing_angular, (E,)),
-            np.full(3, np.nan) if com is None else np.ascontiguousarray(com, dtype=float).reshape(3),
-            _array("q_reference", self.robot.q_nominal if q_reference is None else q_reference, (nv + 1,)).copy(),
+            np.full(3, np.nan) if com is None else np.array(com, dtype=float).reshape(3),
+            _array("q_reference", self.robot.q_nominal if q_reference is None else q_reference, (nv + 1,)),
             self.point_pairs([]) if apart is None else apart,
         )
         q_next, v = np.empty(nv + 1), np.empty(nv)
-        v_previous = _array("v_previous", np.zeros(nv) if v_previous is None else v_previous, (nv,)).copy()
+        v_previous = _array("v_previous", np.zeros(nv) if v_previous is None else v_previous, (nv,))
         errors = track_frame(
             self.model, targets, self.options if options is None else options, float(dt), v_previous,
-            _array("q", q, (nv + 1,)).copy(), q_next, v,
+            _array("q", q, (nv + 1,)), q_next, v,
         )  # fmt: skip
         return TrackedFrame(q_next, v, errors)
 
 
-def _array(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.ascontiguousarray(value, dtype=float)
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    """A copy that is checked; to numba a read-only array is of another type, compiled anew."""
+    array = np.array(value, dtype=float)
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, of shape {shape}; got shape {array.shape}")
     return array

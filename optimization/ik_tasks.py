@@ -81,7 +81,7 @@ def add_frame_task(
     k = link
     for a in range(n - 1, 5, -1):
         column[a] = 5 + k
-        ax, ay, az = R[k, 0, 2], R[k, 1, 2], R[k, 2, 2]
+        ax, ay, az = float(R[k, 0, 2]), float(R[k, 1, 2]), float(R[k, 2, 2])
         if tree.prismatic[k]:
             J[a, 3], J[a, 4], J[a, 5] = ax, ay, az
         else:

@@ -155,7 +155,7 @@ class Kinematics:
 
     @staticmethod
     def _checked(x: np.ndarray, size: int) -> np.ndarray:
-        x = np.ascontiguousarray(x, dtype=float)
+        x = np.array(x, dtype=float)  # a copy: to numba a read-only array is of another type, compiled anew
         if x.shape != (size,):
             raise ValueError(f"expected {size} numbers, got an array of shape {x.shape}")
         return x
@@ -244,7 +244,10 @@ def _moving_joints(plant: MultibodyPlant, base: RigidBody, children: dict[BodyIn
 
 
 def _axis(joint: Joint) -> np.ndarray:
-    return joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+    if isinstance(joint, RevoluteJoint):
+        return np.array(joint.revolute_axis())
+    assert isinstance(joint, PrismaticJoint)
+    return np.array(joint.translation_axis())
 
 
 def _frame_with_z(axis: np.ndarray) -> np.ndarray:
@@ -267,7 +270,7 @@ def _link_inertias(
     for a in attached:
         M_BBo_B = a.body.CalcSpatialInertiaInBodyFrame(context)
         m, R, p = M_BBo_B.get_mass(), a.X_LB[:3, :3], a.X_LB[:3, 3]
-        c_B = M_BBo_B.get_com()
+        c_B = np.array(M_BBo_B.get_com())
         about_cm = M_BBo_B.CalcRotationalInertia().CopyToFullMatrix3() - m * _parallel(c_B)
         c_L = p + R @ c_B
         mass[a.link] += m

@@ -233,12 +233,12 @@ class WholeBodyIK:
     ) -> StanceTask:
         """The checked task that `solve_stance` takes; arguments as in `solve`."""
         E = len(self.kinematics.frames)
-        X_WE = np.ascontiguousarray(X_WE, dtype=float)
-        active = np.ascontiguousarray(active, dtype=np.bool_)
+        # Copies: to numba a read-only array is of another type, and would be compiled anew.
+        X_WE, active = np.array(X_WE, dtype=float), np.array(active, dtype=np.bool_)
         if X_WE.shape != (E, 4, 4) or active.shape != (E,) or not np.isfinite(X_WE[active]).all():
             raise ValueError(f"X_WE must be ({E}, 4, 4), finite where active, and active ({E},)")
-        region = np.empty((0, 2)) if region is None else np.ascontiguousarray(region, dtype=float)
+        region = np.empty((0, 2)) if region is None else np.array(region, dtype=float)
         if region.ndim != 2 or region.shape[1] != 2 or len(region) in (1, 2) or not np.isfinite(region).all():
             raise ValueError("region must be at least three finite (x, y)")
-        target = np.full(3, np.nan) if com_target is None else np.ascontiguousarray(com_target, dtype=float)
+        target = np.full(3, np.nan) if com_target is None else np.array(com_target, dtype=float)
         return StanceTask(X_WE, active, region, len(region), target)
