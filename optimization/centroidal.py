@@ -4,10 +4,10 @@ Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (di
 Ponton et al. 2018: B. Ponton et al., "On time optimization of centroidal momentum dynamics", ICRA 2018.
 """
 
-from __future__ import annotations
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
 
-import time
-from dataclasses import dataclass
+from __future__ import annotations
 
 import numpy as np
 from pydrake.solvers import (
@@ -21,6 +21,7 @@ from pydrake.solvers import (
 from optimization import piqp_adapter
 from optimization.centroidal_check import violations
 from optimization.centroidal_cost import cost_terms
+from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_explanation import explain
 from optimization.centroidal_guess import guess_com, guess_loads
 from optimization.centroidal_model import CentroidalModel
@@ -39,35 +40,11 @@ from optimization.com_bounds import final_box, height_bounds
 from optimization.contact_wrench import CornerForces, pressure_residuals, skew
 from optimization.friction import cone_index
 from optimization.gauss_newton import minimise
-from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings
+from optimization.solvers import ConvexSolver, SolverSettings
 from optimization.sparse_rows import RowPattern, SparseRows
 from scenes.effector import EFFECTORS
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
-
-
-@dataclass(frozen=True, eq=False)
-class CentroidalEstimate:
-    """What the centroidal program says of a contact sequence or transition.
-
-    Attributes:
-        feasible: whether the trajectory satisfies every constraint, checked on the recomputed numbers.
-        cost: the documents' objective, without the pull towards a CoM reference; inf where there is no trajectory.
-        reason: "" where feasible, else the constraint block that fails, with knot and end effector where known.
-        records: one per convex program that was solved.
-        trajectory: the best one found, also where it is not feasible; None where there is none.
-    """
-
-    feasible: bool
-    cost: float
-    reason: str
-    records: tuple[SolveRecord, ...]
-    trajectory: CentroidalTrajectory | None
-
-    @property
-    def solve_record(self) -> SolveRecord | None:
-        """The last convex program that was solved."""
-        return self.records[-1] if self.records else None
 
 
 class CentroidalProgram:
@@ -95,7 +72,19 @@ class CentroidalProgram:
     Units in the program: m, s, M g; moments M g ARM. Points are relative to `origin`.
     Decision variables, for n = 0..N-2 (state at knot n+1, forces over [t_n, t_n+1)) and J active contacts:
         com, v, k, a, kdot (N-1, 3), s (N-1, 1), s_end (1, 1), wrench (J, 6), z (J, 3), force (J, 12) at the corners.
+    A cost added to `prog` from outside steers the convex programs, but the line search does not know of it.
     """
+
+    com: np.ndarray
+    v: np.ndarray
+    k: np.ndarray
+    a: np.ndarray
+    kdot: np.ndarray
+    s: np.ndarray
+    s_end: np.ndarray
+    wrench: np.ndarray
+    z: np.ndarray
+    force: np.ndarray
 
     def __init__(self, problem: CentroidalProblem, options: CentroidalOptions | None = None) -> None:
         self.problem, self.options = problem, options or CentroidalOptions()
@@ -365,20 +354,25 @@ class CentroidalProgram:
             index = np.concatenate([state[n], contact[first[n] : first[n + 1]].ravel()])
             index = index[diagonal[index] > 0]
             w, goal = 2 * diagonal[index], target[index]
-            cost = self.prog.AddQuadraticCost(np.diag(w), -w * goal, 0.5 * (w @ goal**2), self._x[index], True)
+            cost = self.prog.AddQuadraticCost(np.diag(w), -w * goal, 0.5 * float(w @ goal**2), self._x[index], True)
             cost.evaluator().set_description(f"effort[{n}]")
 
+    def start_from(self, trajectory: CentroidalTrajectory) -> None:
+        """Linearises about an earlier answer for the same schedule, so that `solve` starts there."""
+        force, moment = self.integrator.wrenches(trajectory, self.problem.mass)
+        state = self.integrator.integrate(force, moment)
+        self.linearise(state.com, state.total_force, np.concatenate([force, moment / ARM], axis=1))
+
     def solve(self) -> CentroidalEstimate:
-        """Solves from the first guess and checks the answer on the numbers that would be written to a plan."""
+        """Solves from the first guess, or `start_from`, and checks the numbers that would be written to a plan."""
         options = self.options
-        started = time.perf_counter()
-        solver = ConvexSolver(self.prog, SolverSettings(solver=options.solver, time_limit=options.time_limit))
+        settings = SolverSettings(solver=options.solver, time_limit=options.time_limit)
         outcome = minimise(
             CentroidalModel(self),
-            solver,
+            ConvexSolver(self.prog, settings),
             max_iterations=options.max_iterations,
             tolerance=options.tolerance,
-            time_limit=options.time_limit - (time.perf_counter() - started),
+            time_limit=options.time_limit,
             radius=FIRST_RADIUS,
         )
         point = outcome.point

@@ -126,6 +126,16 @@ class WrenchIntegrator:
             torque_n=torque_n,
         )
 
+    def wrenches(self, trajectory: CentroidalTrajectory, mass: float) -> tuple[np.ndarray, np.ndarray]:
+        """(J, 3) forces [M g] and moments [M g m] in their contact frames: what `trajectory` was made of."""
+        weight = mass * GRAVITY
+        at = self.interval, self.effector
+        force_C = np.einsum("jba,jb->ja", self.R_WC, trajectory.force_W[at]) / weight
+        p_cop_C = np.concatenate([trajectory.cop_C[at], np.zeros((len(force_C), 1))], axis=1)
+        torque_C = np.zeros_like(force_C)
+        torque_C[:, 2] = trajectory.torque_n[at] / weight
+        return force_C, np.cross(p_cop_C, force_C) + torque_C
+
 
 def pressure_centre(force_C: np.ndarray, moment_C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(J, 2) centres of pressure [m] and (J,) normal torques there [M g m] of wrenches in their contact frames.

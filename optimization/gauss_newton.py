@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -52,13 +52,13 @@ class SequentialModel(Protocol[PointT]):
         """Updates the convex program about this point."""
         ...
 
-    def trust(self, point: PointT | None, radius: float) -> None:
-        """Bounds the step from this point, or frees it."""
+    def trust(self, point: PointT, radius: float) -> None:
+        """Bounds the step from this point."""
         ...
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Outcome(Generic[PointT]):
     """How an iteration ended.
 
     Attributes:
@@ -68,14 +68,14 @@ class Outcome:
         records: one per convex program.
     """
 
-    point: object | None
+    point: PointT | None
     converged: bool
     reason: str
     records: tuple[SolveRecord, ...]
 
 
 def minimise(
-    model: SequentialModel,
+    model: SequentialModel[PointT],
     solver: ConvexSolver,
     *,
     max_iterations: int,
@@ -83,7 +83,7 @@ def minimise(
     time_limit: float,
     radius: float,
     tight: float = 1e-4,
-) -> Outcome:
+) -> Outcome[PointT]:
     """Solves, re-evaluates, searches along the step and linearises again until the merit stands still.
 
     Args:
@@ -97,17 +97,18 @@ def minimise(
     """
     started = time.perf_counter()
     records: list[SolveRecord] = []
-    point, bound = None, np.inf
+    point: PointT | None = None
+    bound = np.inf
     for _ in range(max_iterations):
         if time.perf_counter() - started > time_limit:
             return Outcome(point, False, "time", tuple(records))
         x, record = solver.solve(costs_changed=not records)
         records.append(record)
         candidate = model.evaluate(x) if x is not None and record.feasible else None
-        if candidate is None and point is None:
-            return Outcome(None, False, "first convex program failed", tuple(records))
         following = candidate if point is None else _search(model, point, candidate, record.cost)
         if following is None:
+            if point is None:
+                return Outcome(None, False, "first convex program failed", tuple(records))
             if candidate is not None and not np.isfinite(bound) and _close(point, candidate.merit, tolerance, tight):
                 return Outcome(point, True, "converged", tuple(records))
             bound = min(bound * SHRINK, radius)
@@ -135,7 +136,7 @@ def _close(point: Point, merit: float, tolerance: float, tight: float) -> bool:
     return abs(point.merit - merit) <= (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
 
 
-def _search(model: SequentialModel, start: Point, end: Point | None, foreseen: float) -> Point | None:
+def _search(model: SequentialModel[PointT], start: PointT, end: PointT | None, foreseen: float) -> PointT | None:
     """The first point on the way to `end` that brings enough of the merit foreseen there, None where there is none."""
     if end is None:
         return None

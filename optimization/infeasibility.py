@@ -1,5 +1,8 @@
 """Which constraints of a convex program without an answer stand in the way, and by how much."""
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Mapping

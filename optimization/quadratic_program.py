@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from pydrake.solvers import MathematicalProgram, ProgramAttribute
 
 from optimization.sparse_rows import RowPattern
-
-if TYPE_CHECKING:
-    from pydrake.solvers import LinearConstraint
 
 QUADRATIC = {
     ProgramAttribute.kLinearCost,
@@ -118,17 +115,15 @@ class ProgramReader:
         if not is_quadratic(prog):
             raise ValueError("the program has terms that are neither linear nor quadratic")
         self._n = prog.num_vars()
-        self._quadratic, self._linear, equality, inequality, self._bounds = (
-            [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()), int)) for b in bindings]
-            for bindings in (
-                prog.quadratic_costs(),
-                prog.linear_costs(),
-                prog.linear_equality_constraints(),
-                prog.linear_constraints(),
-                prog.bounding_box_constraints(),
-            )
-        )
-        self._equalities, self._inequalities = _RowReader(equality, self._n), _RowReader(inequality, self._n)
+
+        def placed(bindings: list) -> list[tuple[Any, np.ndarray]]:
+            """Each binding's evaluator with the places of its variables."""
+            return [(b.evaluator(), np.array(prog.FindDecisionVariableIndices(b.variables()), int)) for b in bindings]
+
+        self._quadratic, self._linear = placed(prog.quadratic_costs()), placed(prog.linear_costs())
+        self._bounds = placed(prog.bounding_box_constraints())
+        self._equalities = _RowReader(placed(prog.linear_equality_constraints()), self._n)
+        self._inequalities = _RowReader(placed(prog.linear_constraints()), self._n)
         self._costs: tuple[sp.csc_matrix, np.ndarray, float] | None = None
 
     def read(self, *, costs: bool = True) -> QuadraticProgram:
@@ -157,13 +152,15 @@ class ProgramReader:
             np.add.at(q, index, evaluator.a())
             constant += evaluator.b()
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols)))
-        return sp.triu(sp.coo_matrix(entries, shape=(self._n, self._n)).tocsc(), format="csc"), q, float(constant)
+        P = sp.csc_matrix(sp.triu(sp.coo_matrix(entries, shape=(self._n, self._n)), format="csc"))
+        P.sum_duplicates()
+        return P, q, float(constant)
 
 
 class _RowReader:
     """Stacks the rows of linear constraints; sorts their entries once, as long as their sparsity stays."""
 
-    def __init__(self, bindings: list[tuple[LinearConstraint, np.ndarray]], num_vars: int) -> None:
+    def __init__(self, bindings: list[tuple[Any, np.ndarray]], num_vars: int) -> None:
         self._bindings, self._num_vars = bindings, num_vars
         self._pattern: RowPattern | None = None
         self._seen: tuple[np.ndarray, np.ndarray] | None = None
@@ -174,7 +171,7 @@ class _RowReader:
         starts = np.concatenate([np.zeros(1, int), np.cumsum(counts)])
         indices = np.concatenate([np.zeros(0, int), *(block.indices for block in blocks)])
         indptr = np.concatenate([np.zeros(0, int), *(block.indptr for block in blocks)])
-        if self._seen is None or not all(map(np.array_equal, self._seen, (indices, indptr))):
+        if self._pattern is None or self._seen is None or not all(map(np.array_equal, self._seen, (indices, indptr))):
             rows = np.concatenate([np.zeros(0, int), *(b.indices + s for b, s in zip(blocks, starts, strict=False))])
             cols = [np.repeat(i, np.diff(b.indptr)) for b, (_, i) in zip(blocks, self._bindings, strict=True)]
             cols = np.concatenate([np.zeros(0, int), *cols])

@@ -5,6 +5,9 @@ what was run is recorded, and the answer is checked against the program's own co
 never believed.
 """
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import time
@@ -143,7 +146,7 @@ class ConvexSolver:
         options.SetOption(solver.solver_id(), "max_iter", self.settings.max_iterations)
         result = solver.Solve(self.prog, None, options)
         details = result.get_solver_details()
-        return (str(details.status), result.get_x_val(), int(getattr(details, "iterations", -1)))
+        return (str(details.status), np.asarray(result.get_x_val()), int(getattr(details, "iterations", -1)))
 
 
 def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, str]:

@@ -311,6 +311,31 @@ def test_a_reference_pulls_com_and_angular_momentum_towards_itself():
     assert np.abs(solve(data).trajectory.angular_momentum - wanted).max() > 1.5
 
 
+def test_the_pull_towards_a_reference_is_not_counted_as_cost():
+    data = problem(standing())
+    plain = solve(data)
+    pulled = solve(replace(data, com_reference=np.tile(data.initial_com + 0.05 * UP, (11, 1))))
+    assert pulled.feasible
+    assert plain.cost < pulled.cost < plain.cost + 1000 * 0.05**2 * 10 * 0.5
+
+
+def test_an_earlier_answer_is_a_start_from_which_one_program_suffices():
+    data = walking(walk(2, tilt=20, palms=1, seed=7))
+    first = CentroidalProgram(data).solve()
+    again = CentroidalProgram(data)
+    again.start_from(first.trajectory)
+    second = again.solve()
+    assert len(first.records) > 1
+    assert len(second.records) == 1
+    assert second.cost == pytest.approx(first.cost, rel=2e-3)
+
+
+def test_every_cost_and_constraint_has_a_name():
+    prog = CentroidalProgram(walking(walk(1, palms=1))).prog
+    bindings = [b for b in (*prog.GetAllConstraints(), *prog.quadratic_costs()) if not b.evaluator().get_description()]
+    assert not bindings
+
+
 def test_force_limits_hold_and_too_small_ones_are_named():
     data = problem(standing(), com=(0.0, 0.05, 0.9))
     limited = solve(data, force_limit=(0.55, 0.55, 0.5, 0.5), final_half_width=(0.2, 0.2, 0.2))
