@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import resource
 import shlex
 import signal
@@ -256,10 +257,9 @@ def _summary(report: dict[str, object]) -> str:
 
 
 def seconds_since_process_start() -> float:
-    """Age of this process, interpreter start-up included (Linux; elsewhere CPU clocks' age of the interpreter)."""
+    """Age of this process, interpreter start-up included (Linux; elsewhere what `perf_counter` says)."""
     try:
         ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
-        hertz = 100  # USER_HZ, the same on every Linux that Drake runs on
-        return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / hertz
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError, AttributeError):
         return time.perf_counter()
