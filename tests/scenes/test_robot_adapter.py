@@ -313,3 +313,16 @@ def test_legs_of_jvrc1_that_cross_are_a_collision(jvrc1):
     jvrc1.plant.GetJointByName("L_HIP_R").set_angle(plant_context, -0.3)
     scene = jvrc1.plant.get_geometry_query_input_port().Eval(plant_context)
     assert scene.ComputeSignedDistancePairwiseClosestPoints(0.0)
+
+
+@pytest.mark.parametrize("effector", range(4))
+def test_patches_of_jvrc1_lie_on_its_body(jvrc1, effector):
+    context = jvrc1.new_context()
+    plant_context = jvrc1.plant.GetMyContextFromRoot(context)
+    jvrc1.plant.SetPositions(plant_context, jvrc1.robot.q_nominal)
+    X_WE = jvrc1.effector_bodies[effector].EvalPoseInWorld(plant_context)
+    hx, hy = jvrc1.robot.half_extents[effector]
+    scene = jvrc1.plant.get_geometry_query_input_port().Eval(plant_context)
+    for corner in ([hx, hy, 0], [hx, -hy, 0], [-hx, hy, 0], [-hx, -hy, 0]):
+        found = scene.ComputeSignedDistanceToPoint(X_WE.multiply(np.array(corner, float)))
+        assert min(abs(d.distance) for d in found if d.id_G in jvrc1.effector_geometry[effector]) < 5e-3
