@@ -33,7 +33,8 @@ from scenes.transition_model import TransitionModel
 State = tuple[int, int, int, int, int]  # left foot, right foot, left palm, right palm, last mover
 HeuristicName = Literal["grid", "euclidean", "admissible"]
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
-BLAMED_OUT = 2  # times a contact is blamed for a motion's failure before it is not used again
+BLAMED_OUT = 2  # times that contacts near a place are blamed for a motion's failure before it is not used again
+SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
@@ -64,7 +65,7 @@ class ContactDomain:
         self.check = check
         self.rejections: Counter[str] = Counter()
         self._forbidden: set[tuple[int, ...]] = set()
-        self._blamed: Counter[int] = Counter()
+        self._blamed: list[int] = []
         self.grid = TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
         self._models = [model.mirrored(True), model.mirrored(False)]
         self._heuristic_name = heuristic
@@ -119,7 +120,7 @@ class ContactDomain:
 
     def confirm(self, parent: State, state: State) -> bool:
         """Balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3)."""
-        if self._forbidden and (_move(parent, state) in self._forbidden or self._spoiled(parent, state)):
+        if self._forbidden and (_move(parent, state) in self._forbidden or self._spoiled(state[state[4]])):
             self.rejections["motion"] += 1
             return False
         reason = self.check.transition(parent[:4], state[:4])
@@ -128,13 +129,17 @@ class ContactDomain:
         return not reason
 
     def forbid(self, before: State, after: State) -> None:
-        """Bars a move that the motion stage refused, whatever the palms do; a contact blamed repeatedly goes altogether."""
+        """Bars a move that the motion stage refused, whatever the palms do; where that happens again, the place goes."""
         self._forbidden.add(_move(before, after))
-        self._blamed[after[after[4]]] += 1
+        if after[after[4]] >= 0:
+            self._blamed.append(after[after[4]])
 
-    def _spoiled(self, before: State, after: State) -> bool:
-        made = after[after[4]]
-        return made >= 0 and self._blamed[made] >= BLAMED_OUT
+    def _spoiled(self, made: int) -> bool:
+        """Whether contacts of this end effector near this one were blamed for a motion's failure repeatedly."""
+        blamed = [n for n in self._blamed if self.pool.effector[n] == self.pool.effector[made]]
+        if made < 0 or len(blamed) < BLAMED_OUT:
+            return False
+        return int((np.linalg.norm(self.pool.p[blamed] - self.pool.p[made], axis=1) < SPOILED_RADIUS).sum()) >= BLAMED_OUT
 
     # Moves -----------------------------------------------------------------------------------------------------
 
