@@ -174,10 +174,11 @@ class Report:
     def table(self) -> str:
         """One line a check, then the verdict."""
         width = max((len(check.name) for check in self.checks), default=0)
-        lines = [
-            f"{'ok  ' if c.ok else 'FAIL'}  {c.name:<{width}}  {c.worst:11.4g} <= {c.limit:<9.4g} {c.unit:<6} {c.where}"
-            for c in self.checks
-        ]
+        lines = []
+        for c in self.checks:
+            sign, verdict = ("<=", "ok  ") if c.ok else ("> ", "FAIL")
+            line = f"{verdict}  {c.name:<{width}}  {c.worst:11.4g} {sign} {c.limit:<9.4g} {c.unit:<6} {c.where}"
+            lines.append(line.rstrip())
         verdict = "the plan holds" if self.holds else f"the plan does not hold: {', '.join(self.failed)}"
         return "\n".join([*lines, *([self.remark] if self.remark else []), verdict])
 
@@ -228,9 +229,11 @@ class _Sheet:
         # A NaN is worse than any number, and argmax finds it first.
         index = np.unravel_index(int(np.argmax(array)), array.shape)
         worst = float(array[index])
-        place = where if isinstance(where, str) else where(tuple(int(i) for i in index))
-        self.checks.append(Check(name, bool(worst <= limit), worst, limit, unit, place))
-        return self.checks[-1].ok
+        ok = bool(worst <= limit)
+        nowhere = ok and worst == limit == 0 and not isinstance(where, str)  # nothing was counted, so nothing is worst
+        place = where if isinstance(where, str) else "" if nowhere else where(tuple(int(i) for i in index))
+        self.checks.append(Check(name, ok, worst, limit, unit, place))
+        return ok
 
 
 # ---- verification
@@ -414,7 +417,7 @@ def _check_data(sheet: _Sheet, plan: _PlanFile) -> str:
     least = {"contacts/effector": 1, "stances/contact": 1}
     if plan.complete:
         least |= {"phases/start": 1, "centroidal/t": 2, "motion/t": 2}
-    lacking = [count - len(plan[name]) for name, count in least.items()]
+    lacking = [max(0, count - len(plan[name])) for name, count in least.items()]
     filled = sheet.add("nothing empty", lacking, 0, "", lambda i: list(least)[i[0]])
     num_contacts = len(plan["contacts/effector"])
     ranges = {"contacts/effector": (0, 4), "contacts/surface": (0, np.inf), "stances/contact": (-1, num_contacts)}
