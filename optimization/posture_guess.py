@@ -44,11 +44,12 @@ def upright_base(model: WholeBodyModel, task: StanceTask, q: np.ndarray) -> np.n
 
 
 @njit(cache=True)
-def guess_posture(model: WholeBodyModel, task: StanceTask, drop: float, q: np.ndarray) -> None:
+def guess_posture(model: WholeBodyModel, task: StanceTask, drop: float, bend: float, q: np.ndarray) -> None:
     """Writes q (nq,): the nominal posture set over the active feet, its CoM moved into the polygon.
 
     The base faces the mean heading of the feet, its hips over them, as high as nominal or as the legs reach, less
-    `drop` [m]. Without an active foot only the heading comes from the q that is passed in, and the place stays.
+    `drop` [m]. The joints are nominal at `bend` 0 and in the middle of their limits at 1. Without an active foot,
+    heading and place are those of the q that is passed in.
     """
     c, s = _heading(task, q)
     x, y, z, ceiling, feet = 0.0, 0.0, 0.0, np.inf, 0
@@ -62,6 +63,10 @@ def guess_posture(model: WholeBodyModel, task: StanceTask, drop: float, q: np.nd
     old_x, old_y, old_z = q[4], q[5], q[6]
     for i in range(q.shape[0]):
         q[i] = model.q_nominal[i]
+    for j in range(model.tree.lower.shape[0]):
+        middle = 0.5 * (model.tree.lower[j] + model.tree.upper[j])
+        if np.isfinite(middle):
+            q[7 + j] += bend * (middle - q[7 + j])
     half = 0.5 * np.arctan2(s, c)
     _turn_about_z(np.cos(half), np.sin(half), q)
     if feet == 0:

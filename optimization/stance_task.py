@@ -40,7 +40,7 @@ class IkOptions(NamedTuple):
         com_tolerance: distance allowed between the CoM and its target [m].
         penetration: how far capsules may come closer than they should [m].
         max_iterations: of one attempt.
-        restarts: further attempts, from other postures.
+        restarts: further attempts, from joints nearer the middle of their limits, then from a lower pelvis.
         angle_weight: of contacts' orientation [m/rad].
         posture_weight: of the joints' distance from nominal [m/rad].
         upright_weight: of the base's tilt and heading [m/rad].

@@ -129,7 +129,8 @@ def solve_stance(
     for k in range(attempts):
         trial = q.copy()
         if not (seeded and k == 0):
-            guess_posture(model, task, 0.12 * (k - seeded), trial)
+            n = k - seeded
+            guess_posture(model, task, 0.12 * (n // 3), 0.5 * (n % 3), trial)
         ok, shortfall, iterations = _descend(model, task, options, trial)
         total += iterations
         if ok or shortfall.unmet < best.unmet:

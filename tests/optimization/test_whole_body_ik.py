@@ -181,6 +181,23 @@ def test_what_no_leg_can_reach_is_refused(escher):
     assert np.isfinite(answer.q).all()
 
 
+def test_restarts_lose_nothing_and_recover_from_a_bad_seed(escher):
+    rng = np.random.default_rng(4)
+    tree = escher.ik.kinematics.tree
+    once, often = [], []
+    for k in range(60):
+        task = random_stance(rng, 2 + k % 3, reach=1.2)
+        seed = np.r_[1.0, np.zeros(3), rng.uniform(-2, 2, 3), rng.uniform(tree.lower, tree.upper)]
+        once.append(escher.ik.solve(*task, q_seed=seed).ok)
+        answer = escher.ik.solve(*task, q_seed=seed, options=IkOptions(restarts=3))
+        often.append(answer.ok)
+        if answer.ok:
+            assert_held(escher, task, answer.q)
+    once, often = np.array(once), np.array(often)
+    assert not np.any(once & ~often)
+    assert often.sum() > once.sum() + 10
+
+
 def test_a_polygon_out_of_reach_is_refused_and_says_how_far(escher):
     X_WE = escher.ik.kinematics.effector_poses(escher.ik.model.q_nominal)
     square = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
@@ -259,7 +276,7 @@ def test_it_can_be_called_from_another_kernel(escher):
 def test_the_guess_stands_over_the_feet_with_its_centre_of_mass_in_the_polygon(escher, seed):
     X_WE, active, region = random_stance(np.random.default_rng(seed), 2, reach=0.8)
     q = escher.ik.model.q_nominal.copy()
-    guess_posture(escher.ik.model, escher.ik.task(X_WE, active, region, None), 0.0, q)
+    guess_posture(escher.ik.model, escher.ik.task(X_WE, active, region, None), 0.0, 0.0, q)
     com = escher.ik.kinematics.com(q)
     assert shapely.Polygon(region).distance(shapely.Point(com[:2])) < 1e-9
     assert (np.linalg.norm(q[4:7] - X_WE[:2, :3, 3], axis=1) < 1.2).all()
@@ -307,7 +324,7 @@ def snopt_finds(setup, task):
     world, first = plant.world_frame(), None
     for drop in (0.0, 0.15):
         q_guess = setup.ik.model.q_nominal.copy()
-        guess_posture(setup.ik.model, setup.ik.task(X_WE, active, region, None), drop, q_guess)
+        guess_posture(setup.ik.model, setup.ik.task(X_WE, active, region, None), drop, 0.0, q_guess)
         started = time.perf_counter()
         context = plant.GetMyContextFromRoot(setup.built.new_context())
         program = InverseKinematics(plant, context, True)
