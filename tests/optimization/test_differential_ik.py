@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydrake.math import RotationMatrix
 
 from optimization.differential_ik import DifferentialIK, TrackingOptions
+from scenes.contact import contact_pose
 from scenes.effector import EFFECTORS
 from scenes.plant import build_plant
 from scenes.robot import load_robot
@@ -88,6 +89,28 @@ def test_smooth_targets_give_a_smooth_motion(ik):
     accelerations = np.diff(velocities, axis=0) / DT
     assert np.abs(velocities).max() < 5.0
     assert np.abs(accelerations[5:]).max() < 80.0
+
+
+def test_hands_on_walls_stay_there_while_the_body_circles(ik):
+    q = np.array(ik.robot.q_nominal)
+    X_WE, com = ik.poses(q), ik.kinematics.com(q) - np.array([0.0, 0.0, 0.05])
+    for e, wall in ((2, 1.0), (3, -1.0)):
+        target = contact_pose(EFFECTORS[e], np.array([0.25, 0.6 * wall, 1.25]), np.array([0.0, -wall, 0.0]), 0.0)
+        X_WE[e] = target
+    for _ in range(150):
+        approach = ik.track(
+            q, X_WE, held=BOTH_FEET, com=com, dt=DT, swing_linear=[0, 0, 30, 30], swing_angular=[0, 0, 9, 9]
+        )
+        q = approach.q
+    assert approach.errors.swing_position < 1e-3
+    for t in range(150):
+        angle = 2 * np.pi * t / 75
+        offset = 0.05 * ease(t / 30) * np.array([np.cos(angle), np.sin(angle), 0.0])
+        answer = ik.track(q, X_WE, held=np.ones(4, bool), com=com + offset, dt=DT)
+        q = answer.q
+        assert answer.errors.held_position < 1e-3
+        assert answer.errors.held_angle < np.deg2rad(0.2)
+        assert answer.errors.com < 5e-3
 
 
 def test_reported_errors_are_the_errors(ik):
