@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from drakeplan.key_postures import COM, HOLD, posture_weight
 from drakeplan.phases import BREAK, MAKE, MOVE, Schedule
-from drakeplan.swing import SwingCurve, hover, plan_swing, smooth_step
+from drakeplan.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
 from optimization.kinematic_tree import KinematicTree
 from optimization.posture_tracking import LEVER, TrackingTargets
 from scenes.effector import is_foot
@@ -24,7 +24,9 @@ NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and
 AIR = np.array([4.0, 0.5])  # and in the air, where the CoM leads and an ankle at its limit may give way
 FAINT = np.array([0.4, 0.1])  # and in the air of a motion that is only smoothed
 NEARBY = 0.15  # share of the swing over which one changes into the other
-GUIDED = (0.05, 0.6)  # shares of a palm's way to its wall between which its curve takes over from the free arm
+GUIDED = (0.0, 0.55)  # shares of a palm's way to its wall between which its curve takes over from the free arm
+AROUND = 0.8  # how far that way bends away from the wall, in heights over the contact
+TOUCH = 0.5  # share of that way over which it then goes from before the wall to the wall
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
 
@@ -51,7 +53,7 @@ def plan_one_swing(
     mover = schedule.phases[2 * k + 1].mover
     before, after = schedule.stances[k].contacts[mover], schedule.stances[k + 1].contacts[mover]
     if before is None or after is None:
-        return hover(after if before is None else before)
+        return hover(after if before is None else before, HOVER + detour.raised)
     foot = is_foot(robot.effectors[mover].name)
     return plan_swing(
         packed,
@@ -96,7 +98,10 @@ def effector_targets(
             weight[frames, swing.mover] = _swing_weight(np.minimum(u, 1.0 - u), air)
         elif free is not None:
             to_wall = u if kind == MAKE else 1.0 - u
-            X_WE[frames, swing.mover] = _blended(free[frames, swing.mover], curve.poses(0.5 + 0.5 * to_wall), to_wall)
+            # The curve's last RISE leads from before the wall to the wall.
+            at_wall = curve.poses(np.maximum(1.0 - RISE * (1.0 - to_wall) / TOUCH, 0.5))
+            around = AROUND * curve.lift * curve.X_WA[:3, 2]
+            X_WE[frames, swing.mover] = _blended(free[frames, swing.mover], at_wall, to_wall, around)
             weight[frames, swing.mover] = _swing_weight(1.0 - to_wall, air)
     return X_WE, weight
 
@@ -107,11 +112,15 @@ def _swing_weight(from_contact: np.ndarray, air: np.ndarray) -> np.ndarray:
     return NEAR + (air - NEAR) * share[:, None]
 
 
-def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray) -> np.ndarray:
-    """(n, 4, 4) poses on the way from X_WA (n, 4, 4) to X_WB, which takes over as `to_wall` (n,) goes to 1."""
+def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """(n, 4, 4) poses on the way from X_WA (n, 4, 4) to X_WB, which takes over as `to_wall` (n,) goes to 1.
+
+    The way bends by `around` (3,) [m] in its middle, away from the wall.
+    """
     share = np.array([smooth_step((x - GUIDED[0]) / (GUIDED[1] - GUIDED[0])) for x in to_wall])
     X = np.tile(np.eye(4), (len(share), 1, 1))
-    X[:, :3, 3] = X_WA[:, :3, 3] + share[:, None] * (X_WB[:, :3, 3] - X_WA[:, :3, 3])
+    bump = 64.0 * (share * (1.0 - share)) ** 3
+    X[:, :3, 3] = X_WA[:, :3, 3] + share[:, None] * (X_WB[:, :3, 3] - X_WA[:, :3, 3]) + bump[:, None] * around
     turn = (Rotation.from_matrix(X_WB[:, :3, :3]) * Rotation.from_matrix(X_WA[:, :3, :3]).inv()).as_rotvec()
     X[:, :3, :3] = Rotation.from_rotvec(share[:, None] * turn).as_matrix() @ X_WA[:, :3, :3]
     return X

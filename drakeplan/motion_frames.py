@@ -1,0 +1,267 @@
+"""The frames of one motion: first every frame by itself, then what collides, jerks or cannot be followed is mended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drakeplan.dynamics import BOX
+from drakeplan.encounters import Encounters, ProximityMonitor, joined
+from drakeplan.key_postures import KeyPostures, posture_weight, solve_swing_postures
+from drakeplan.motion_check import Problem, find_problems
+from drakeplan.motion_targets import (
+    FAINT,
+    Detour,
+    contact_room,
+    effector_targets,
+    frame_of,
+    motion_targets,
+    plan_swings,
+    posture_reference,
+    smooth_com,
+    smoothed,
+)
+from drakeplan.phases import MOVE, Schedule
+from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.posture_tracking import TrackedPostures, track_postures
+from optimization.whole_body_ik import WholeBodyIK
+from scenes.packed_terrain import PackedTerrain
+from scenes.robot import Robot
+
+SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
+APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most
+CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
+SMOOTHINGS = 3  # of the whole motion, each followed by another look for collisions
+SMEAR, MOST_SMEAR = 0.04, 0.09  # [s] standard deviation of smoothing, at first and at most
+FAITHFUL = 10.0  # how much harder than the usual posture the smoothed one is held to
+WINDOW = 15  # frames before and after a collision that take part in moving out of its way
+COM_FEEDBACK, NEAR_FEEDBACK = 0.010, 10  # [m] a CoM this far off goes back to the dynamics, with frames around it
+HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
+
+Redo = Callable[[Schedule, np.ndarray, np.ndarray], CentroidalTrajectory | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What all motions of a robot on a terrain share.
+
+    Attributes:
+        robot: whose.
+        ik: its inverse kinematics.
+        monitor: its distances to itself and the terrain.
+        packed: the terrain.
+        rate: frames per second [Hz].
+        clearance: margin of swinging feet and palms to the terrain [m].
+    """
+
+    robot: Robot
+    ik: WholeBodyIK
+    monitor: ProximityMonitor
+    packed: PackedTerrain
+    rate: int
+    clearance: float
+
+
+class MotionFrames:
+    """Makes the frames of one motion.
+
+    Attributes:
+        trajectory: the momentum trajectory that the motion follows; it may change on the way.
+        t: (T,) [s].
+        q: (T, nq) the motion.
+        dynamics_s: time that was spent in the dynamics meanwhile [s].
+    """
+
+    def __init__(
+        self, setting: Setting, schedule: Schedule, keys: KeyPostures, trajectory: CentroidalTrajectory, redo: Redo
+    ) -> None:
+        """`redo` solves the dynamics again near a reference (N, 3) within half widths (N, 3), None where it cannot."""
+        self.setting, self.schedule, self.keys, self.trajectory = setting, schedule, keys, trajectory
+        self.tree = setting.ik.kinematics.tree
+        self.t = schedule.times(1.0 / setting.rate)
+        self.dynamics_s = 0.0
+        self._redo = redo
+        self._held = schedule.contact_at(self.t) >= 0
+        self._room = contact_room(schedule, self.t)
+        self._detours: dict[int, Detour] = {}
+        self._free: np.ndarray | None = None
+        self._apart, self._smear = APART, SMEAR
+
+    @property
+    def q(self) -> np.ndarray:
+        """(T, nq) the motion as it stands."""
+        return self._answer.q
+
+    def run(self, rounds: int) -> list[Problem]:
+        """Makes the motion; what is left of its problems."""
+        self._retarget()
+        self._answer = self._track(np.repeat(self.keys.q[:1], len(self.t), axis=0), chained=True)
+        self._guide_palms()
+        best: tuple[int, CentroidalTrajectory, TrackedPostures, list[Problem]] | None = None
+        for _ in range(rounds):
+            self._look()
+            self._keep_apart(CLOSE)
+            if self._feed_back():
+                self._keep_apart(CLOSE)
+            for _ in range(SMOOTHINGS):
+                self._smooth()
+                if not self._keep_apart(TOUCHING):
+                    break
+            problems = self._problems()
+            if best is None or len(problems) < best[0]:
+                best = (len(problems), self.trajectory, self._answer, problems)
+            if not problems or not self._try_harder(problems):
+                break
+            self._retarget()
+            self._answer = self._track(self.q)
+        _, self.trajectory, self._answer, problems = best
+        return problems
+
+    # ---- what the frames should do
+
+    def _retarget(self) -> None:
+        setting = self.setting
+        self._swings = plan_swings(setting.robot, setting.packed, self.schedule, self._detours, setting.clearance)
+        com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
+        swing_t, swing_q = solve_swing_postures(
+            setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor
+        )
+        key_t = np.concatenate([self.schedule.boundaries, swing_t])
+        order = np.argsort(key_t)
+        q_ref = posture_reference(key_t[order], np.concatenate([self.keys.q, swing_q])[order], self.t)
+        self._targets = motion_targets(self.tree, self.schedule, self._swings, q_ref, com, self.t)
+        self._aim()
+
+    def _aim(self) -> None:
+        X_WE, weight = effector_targets(self.schedule, self._swings, self.t, self._free)
+        self._targets = replace(self._targets, X_WE=X_WE, place_weight=weight[:, :, 0], turn_weight=weight[:, :, 1])
+
+    def _guide_palms(self) -> None:
+        """Palms that make or break a contact: from where the free arm is to their curve."""
+        wanted = np.zeros(len(self.t), dtype=bool)
+        phase = self.schedule.phase_at(self.t)
+        for k in range(len(self.schedule.stances) - 1):
+            if self.schedule.kind(k) != MOVE:
+                wanted |= phase == 2 * k + 1
+        if not wanted.any():
+            return
+        self._free = np.tile(np.eye(4), (*self._held.shape, 1, 1))
+        for f in np.flatnonzero(wanted):
+            self._free[f] = self.setting.ik.kinematics.effector_poses(self.q[f])
+        self._aim()
+        self._answer = self._track(self.q, solve=wanted)
+
+    def _track(self, q: np.ndarray, *, chained: bool = False, solve: np.ndarray | None = None) -> TrackedPostures:
+        return track_postures(self.tree, self._targets, q, solve=solve, chained=chained, max_iterations=12)
+
+    def _smooth(self) -> None:
+        """Takes out what jerks: every frame once more, near the smoothed motion as far as contacts and CoM allow."""
+        _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
+        q = smoothed(self.q, self._smear * self.setting.rate)
+        faithful = FAITHFUL * posture_weight(len(self.tree.lower))
+        self._targets = replace(
+            self._targets, q_ref=q, posture_weight=faithful, place_weight=weight[:, :, 0],
+            turn_weight=weight[:, :, 1],
+        )  # fmt: skip
+        self._answer = self._track(q)
+        self._look()
+
+    # ---- bodies that come too near
+
+    def _look(self, frames: np.ndarray | None = None) -> None:
+        """Asks for what is near in these frames (T,), in all by default."""
+        if frames is None:
+            self._met = self.setting.monitor.near(self.q, range(len(self.t)), SEEN)
+        else:
+            fresh = self.setting.monitor.near(self.q, np.flatnonzero(frames), SEEN)
+            self._met = joined(self._met.where(~frames[self._met.frame]), fresh)
+
+    def _keep_apart(self, near: float) -> bool:
+        """Moves bodies apart that are nearer than `near` [m] to each other; False where there are none.
+
+        A frame in collision does not know which way out is right, the frame before it does: stretches of frames are
+        walked through one by one, each from the one before, with the pairs that are near there.
+        """
+        close = np.zeros(len(self.t), dtype=bool)
+        close[self._met.frame[self._met.distance < self._wanted(self._met) - self._apart + near]] = True
+        if not close.any():
+            return False
+        q = self.q.copy()
+        for first, last in _stretches(close, WINDOW):
+            for f in range(max(first, 1), last):
+                q[f] = self._away(f, q[f - 1] + (self.q[f] - self.q[f - 1]))
+        changed = (q != self.q).any(axis=1)
+        self._answer = self._track(q, solve=np.zeros(len(self.t), dtype=bool))
+        self._look(changed)
+        return True
+
+    def _away(self, f: int, q: np.ndarray) -> np.ndarray:
+        """(nq,) frame f solved from q with the pairs apart that are near there."""
+        q[:4] /= np.linalg.norm(q[:4])
+        targets = frame_of(self._targets, f)
+        for _ in range(2):
+            met = self.setting.monitor.near(q[None], [0], SEEN)
+            wanted = self._wanted(replace(met, frame=np.full(len(met), f)))
+            free = np.isfinite(wanted)
+            near = replace(targets, rows=met.where(free).rows(1, wanted[free]))
+            q = track_postures(self.tree, near, q[None], max_iterations=12).q[0]
+        return q
+
+    def _wanted(self, met: Encounters) -> np.ndarray:
+        """(R,) distance that each pair should keep [m]: none of what stands on its contact, less where it takes off."""
+        wanted = np.full(len(met), self._apart)
+        sole = met.effector >= 0
+        room = self._room[met.frame[sole], met.effector[sole]]
+        wanted[sole] = np.where(room > 0.0, room * self._apart, -np.inf)
+        return wanted
+
+    # ---- what is left
+
+    def _feed_back(self) -> bool:
+        """Gives the dynamics the CoM that the legs can follow; False where they follow."""
+        error = np.linalg.norm(self._answer.com_error, axis=1)
+        if error.max() < COM_FEEDBACK:
+            return False
+        began = time.perf_counter()
+        frame = np.round(self.trajectory.t * self.setting.rate).astype(int)
+        reached = self._targets.com[frame] + self._answer.com_error[frame]
+        off = np.array([error[max(f - NEAR_FEEDBACK, 0) : f + NEAR_FEEDBACK + 1].max() for f in frame])
+        near = (off > 0.5 * COM_FEEDBACK)[:, None]
+        reference = np.where(near, reached, self.trajectory.com)
+        trajectory = self._redo(self.schedule, reference, np.where(near, [0.02, 0.02, 0.01], BOX))
+        self.dynamics_s += time.perf_counter() - began
+        if trajectory is None:
+            return False
+        self.trajectory = trajectory
+        self._retarget()
+        self._answer = self._track(self.q)
+        self._look()
+        return True
+
+    def _try_harder(self, problems: Sequence[Problem]) -> bool:
+        """Gives the next round more distance, more smoothing or other swings; False where nothing is left to try."""
+        before = (self._apart, self._smear, dict(self._detours))
+        for p in problems:
+            if p.kind == "sole collision":
+                detour = self._detours.get(p.transition, Detour())
+                if detour.raised < MOST_RAISED:
+                    self._detours[p.transition] = Detour(detour.raised + HIGHER, detour.pushed + WIDER)
+            elif p.kind.endswith("collision"):
+                self._apart = min(self._apart + 0.015, MOST_APART)
+            elif p.kind in ("jerk", "speed"):
+                self._smear = min(1.5 * self._smear, MOST_SMEAR)
+        return before != (self._apart, self._smear, self._detours)
+
+    def _problems(self) -> list[Problem]:
+        com = np.stack([np.interp(self.t, self.trajectory.t, self.trajectory.com[:, i]) for i in range(3)], axis=1)
+        return find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met)
+
+
+def _stretches(marked: np.ndarray, around: int) -> list[tuple[int, int]]:
+    """Half-open ranges that cover the marked frames and `around` more on either side."""
+    wide = np.convolve(marked, np.ones(2 * around + 1), mode="same") > 0.5
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], wide, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
