@@ -74,6 +74,36 @@ def test_a_tiny_problem_has_the_optimum_that_slsqp_finds_for_the_textbook_equati
     assert used[5:9].max() > -1e-4  # the optimum leans on an edge of the patch: a constraint is active
 
 
+def test_the_cost_is_the_documents_objective_of_the_numbers_that_are_written():
+    left, right = contact(0, [0, 0.1, 0], [0.2, 0.1, 1]), contact(1, [0, -0.1, 0], [-0.1, 0.2, 1])
+    palm = contact(2, [0.2, 0.5, 1.2], [0, -1, 0])
+    rows = [(left, right, palm, None)] * 4 + [(left, None, palm, None)] * 6
+    push = MASS * np.array([0.15, 0.1, 0.02])
+    w = CentroidalWeights(torque=0.01)
+    for dt in (0.2, 0.1):
+        schedule = ContactSchedule.from_rows(rows, dt)
+        data = CentroidalProblem(schedule, MASS, HALF, np.array([0.0, 0.02, 0.9]), initial_linear_momentum=push)
+        estimate = CentroidalProgram(data, CentroidalOptions(rest_at_end=False, weights=w)).solve()
+        t = estimate.trajectory
+        assert estimate.feasible, estimate.reason
+        cost = 0.0
+        for n in range(len(rows)):
+            l_rate, k_rate = (np.diff(a[n : n + 2], axis=0)[0] / dt for a in (t.linear_momentum, t.angular_momentum))
+            cost += w.linear_momentum * np.sum(t.linear_momentum[n + 1] ** 2) + w.linear_momentum_rate * l_rate @ l_rate
+            cost += w.angular_momentum * np.sum(t.angular_momentum[n + 1] ** 2)
+            cost += w.angular_momentum_rate * k_rate @ k_rate
+            for e in np.flatnonzero(t.contact[n] >= 0):
+                force_C = data.schedule.contacts[t.contact[n, e]].R_WC.T @ t.force_W[n, e] / WEIGHT
+                part = min(force_C[2] / 0.01, 1.0)  # below 1 % of the weight the moments count as over 1 %
+                turn = t.cop_C[n, e, 0] * force_C[1] - t.cop_C[n, e, 1] * force_C[0]
+                cost += w.force * force_C @ force_C + w.lateral_force * force_C[:2] @ force_C[:2]
+                cost += w.torque * (t.torque_n[n, e] + WEIGHT * turn * (1 - part)) ** 2
+                cost += w.pressure_centre * np.sum((part * t.cop_C[n, e] / (2 * HALF[e])) ** 2)
+        assert estimate.cost == pytest.approx(cost * dt / 0.2, rel=1e-9)
+        assert np.abs(t.torque_n).max() > 0.1
+        assert np.abs(t.cop_C[:, :2]).max() > 0.01
+
+
 def test_no_step_towards_another_feasible_trajectory_lowers_the_cost():
     left, right = contact(0, [0, 0.1, 0], [0.2, 0.1, 1]), contact(1, [0, -0.1, 0], [-0.1, 0.2, 1])
     stepped = contact(1, [0.3, -0.12, 0.05], [0.0, -0.2, 1])
