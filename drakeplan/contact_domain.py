@@ -73,6 +73,7 @@ class ContactDomain:
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._half = [e.half_extent for e in robot.effectors]
+        self._overhang = [e.overhang for e in robot.effectors]
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
@@ -209,7 +210,8 @@ class ContactDomain:
         n = len(xy_yaw)
         p, R, surface = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64)
         rise = self.robot.max_step_height
-        project_feet(self.packed, mover, xy_yaw, p0[2] - rise, p0[2] + rise, *self._half[mover], p, R, surface)
+        sole = (*self._half[mover], *self._overhang[mover])
+        project_feet(self.packed, mover, xy_yaw, p0[2] - rise, p0[2] + rise, *sole, p, R, surface)
         fits = surface >= 0
         self.rejections["no foothold"] += int((~fits).sum())
         mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)

@@ -37,10 +37,13 @@ def contact_axes(normal: np.ndarray, heading: float, palm: bool, R_WC: np.ndarra
 
 @njit(cache=True)
 def patch_fits(
-    packed: PackedTerrain, surface: int, p: np.ndarray, R: np.ndarray, hx: float, hy: float, clearance: float,
-    around: np.ndarray, work: np.ndarray,
+    packed: PackedTerrain, surface: int, p: np.ndarray, R: np.ndarray, hx: float, hy: float,
+    front: float, back: float, side: float, clearance: float, around: np.ndarray, work: np.ndarray,
 ) -> bool:  # fmt: skip
-    """Whether a patch of half extent (hx, hy) at pose (p, R) lies inside the surface with nothing above it."""
+    """Whether a patch of half extent (hx, hy) at pose (p, R) lies inside the surface with nothing above it.
+
+    Nor may anything stand above the surface where the foot reaches beyond its patch: by front, back and side [m].
+    """
     for a in range(4):
         sx = hx if (a == 0 or a == 3) else -hx
         sy = hy if a < 2 else -hy
@@ -51,9 +54,9 @@ def patch_fits(
             e = packed.edge_normal[surface, k]
             if e[0] * qx + e[1] * qy + e[2] * qz > packed.edge_offset[surface, k] - PATCH_MARGIN:
                 return False
-    low = np.array([-hx, -hy, COVER_GAP])
-    high = np.array([hx, hy, clearance])
-    reach = np.sqrt(hx * hx + hy * hy + clearance * clearance)
+    low = np.array([-hx - back, -hy - side, COVER_GAP])
+    high = np.array([hx + front, hy + side, clearance])
+    reach = np.sqrt((hx + max(front, back)) ** 2 + (hy + side) ** 2 + clearance * clearance)
     for q in range(around.shape[0]):
         k = around[q]
         if k == surface:
@@ -70,7 +73,8 @@ def patch_fits(
 @njit(cache=True)
 def project_foot(
     packed: PackedTerrain, effector: int, x: float, y: float, yaw: float, z_low: float, z_high: float,
-    hx: float, hy: float, around: np.ndarray, p: np.ndarray, R: np.ndarray, work: np.ndarray,
+    hx: float, hy: float, front: float, back: float, side: float, around: np.ndarray, p: np.ndarray, R: np.ndarray,
+    work: np.ndarray,
 ) -> int:  # fmt: skip
     """The highest surface between z_low and z_high that takes a whole sole at (x, y, yaw); -1 if none does.
 
@@ -98,7 +102,7 @@ def project_foot(
         if inside:
             contact_axes(packed.normal[k], yaw, False, R)
             p[0], p[1], p[2] = x, y, z
-            if patch_fits(packed, k, p, R, hx, hy, FOOT_CLEARANCE, around, work):
+            if patch_fits(packed, k, p, R, hx, hy, front, back, side, FOOT_CLEARANCE, around, work):
                 best, best_z = k, z
     if best < 0:
         return -1
@@ -110,11 +114,11 @@ def project_foot(
 @njit(cache=True)
 def project_feet(
     packed: PackedTerrain, effector: int, xy_yaw: np.ndarray, z_low: float, z_high: float, hx: float, hy: float,
-    p: np.ndarray, R: np.ndarray, surface: np.ndarray,
+    front: float, back: float, side: float, p: np.ndarray, R: np.ndarray, surface: np.ndarray,
 ) -> None:  # fmt: skip
     """Sets candidates (n, 3) of x, y, yaw down: fills p (n, 3), R (n, 3, 3), surface (n,), -1 where none fits."""
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    margin = np.sqrt(hx * hx + hy * hy) + FOOT_CLEARANCE
+    margin = np.sqrt((hx + max(front, back)) ** 2 + (hy + side) ** 2) + FOOT_CLEARANCE
     around = near(
         packed,
         xy_yaw[:, 0].min() - margin,
@@ -124,8 +128,9 @@ def project_feet(
     )
     for m in range(xy_yaw.shape[0]):
         surface[m] = project_foot(
-            packed, effector, xy_yaw[m, 0], xy_yaw[m, 1], xy_yaw[m, 2], z_low, z_high, hx, hy, around, p[m], R[m], work
-        )
+            packed, effector, xy_yaw[m, 0], xy_yaw[m, 1], xy_yaw[m, 2], z_low, z_high, hx, hy, front, back, side,
+            around, p[m], R[m], work,
+        )  # fmt: skip
 
 
 @njit(cache=True)
@@ -172,7 +177,7 @@ def project_palms(
         for a in range(3):
             p[m, a] = origin[a] + nearest * rays[m, a]
         contact_axes(packed.normal[k], heading, True, R[m])
-        if not patch_fits(packed, k, p[m], R[m], hx, hy, PALM_CLEARANCE, around, work):
+        if not patch_fits(packed, k, p[m], R[m], hx, hy, 0.0, 0.0, 0.0, PALM_CLEARANCE, around, work):
             surface[m] = -1
 
 
@@ -244,12 +249,12 @@ def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low:
 
 def set_down(
     packed: PackedTerrain, effector: str, x: float, y: float, yaw: float, half_extent: tuple[float, float],
-    z_range: tuple[float, float] = (-np.inf, np.inf),
+    z_range: tuple[float, float] = (-np.inf, np.inf), overhang: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Contact | None:  # fmt: skip
     """The foot contact straight below (x, y) on the highest surface in `z_range` that takes it, or None."""
     p, R, surface = np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros(1, np.int64)
     project_feet(
-        packed, EFFECTORS.index(effector), np.array([[x, y, yaw]]), z_range[0], z_range[1], *half_extent, p, R, surface
+        packed, EFFECTORS.index(effector), np.array([[x, y, yaw]]), *z_range, *half_extent, *overhang, p, R, surface
     )
     if surface[0] < 0:
         return None

@@ -27,11 +27,14 @@ class EffectorSpec:
         frame: body of the model whose frame is the contact frame: centre of the sole or palm, z out of the surface
             it presses on, x along the toes or fingers.
         half_extent: half length along x and half width along y of the patch that may carry load [m].
+        overhang: how far the foot reaches beyond its patch to the front, to the back and to each side [m]; it needs
+            room there, but no ground. Palms have none.
     """
 
     name: str
     frame: str
     half_extent: tuple[float, float]
+    overhang: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,9 @@ def _robot(path: Path, entry: RobotEntry) -> Robot:
         model=model,
         model_sha256=hashlib.sha256(model.read_bytes()).hexdigest(),
         mass=_mass(model, tree),
-        effectors=tuple(EffectorSpec(n, e.frame, e.half_extent) for n, e in zip(EFFECTORS, effectors, strict=True)),
+        effectors=tuple(
+            EffectorSpec(n, e.frame, e.half_extent, e.overhang) for n, e in zip(EFFECTORS, effectors, strict=True)
+        ),
         base_body=entry.base_body,
         torso_body=entry.torso_body,
         nominal=dict(entry.nominal),

@@ -27,6 +27,7 @@ def _four_effectors(effectors: dict[str, object]) -> dict[str, object]:
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Number, Number, Number]
 Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
 Heights = Annotated[tuple[Positive, Positive, Positive], AfterValidator(_ascending)]
@@ -37,10 +38,11 @@ class _Strict(BaseModel):
 
 
 class EffectorEntry(_Strict):
-    """One end effector: its frame, patch [m], force limit [M g] and reach from the CoM [m]."""
+    """One end effector: its frame, patch [m], what reaches beyond it [m], force limit [M g], reach from the CoM [m]."""
 
     frame: str
     half_extent: tuple[Positive, Positive]
+    overhang: tuple[NotNegative, NotNegative, NotNegative] = (0.0, 0.0, 0.0)
     force_limit: Positive
     com_reach: Positive
 

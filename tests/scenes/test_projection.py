@@ -81,6 +81,18 @@ def test_an_obstacle_on_the_floor_takes_its_place() -> None:
     assert set_down(packed, "left_foot", 0.25, 0.0, np.pi / 2, HALF) is not None
 
 
+def test_a_foot_needs_room_but_no_ground_where_it_reaches_beyond_its_patch() -> None:
+    overhang = (0.05, 0.03, 0.01)  # front, back, side [m]
+    riser = Surface("riser", np.array([[0.5, -1, 0], [0.5, -1, 0.2], [0.5, 1, 0.2], [0.5, 1, 0]]))
+    packed = pack_terrain(Terrain((plate("tread", (0, 0.5), (-1, 1)), riser)))
+    toes, heel = 0.5 - HALF[0], HALF[0]  # x at which the patch ends at the riser, and at the edge behind
+    for yaw, reach in ((0.0, overhang[0]), (np.pi, overhang[1])):  # toes, then heel to the riser
+        assert set_down(packed, "left_foot", toes - reach - 1e-3, 0.0, yaw, HALF, overhang=overhang) is not None
+        assert set_down(packed, "left_foot", toes - reach + 1e-3, 0.0, yaw, HALF, overhang=overhang) is None
+        assert set_down(packed, "left_foot", toes - reach + 1e-3, 0.0, yaw, HALF) is not None
+    assert set_down(packed, "left_foot", heel + 1e-3, 0.0, 0.0, HALF, overhang=overhang) is not None
+
+
 def test_of_two_levels_the_window_picks() -> None:
     packed = pack_terrain(Terrain((plate("floor", (-1, 1), (-1, 1)), plate("table", (-1, 1), (-1, 1), z=1.0))))
     high, low = (set_down(packed, "left_foot", 0, 0, 0, HALF, window) for window in ((-9, 9), (-0.5, 0.5)))

@@ -326,3 +326,20 @@ def test_patches_of_jvrc1_lie_on_its_body(jvrc1, effector):
     for corner in ([hx, hy, 0], [hx, -hy, 0], [-hx, hy, 0], [-hx, -hy, 0]):
         found = scene.ComputeSignedDistanceToPoint(X_WE.multiply(np.array(corner, float)))
         assert min(abs(d.distance) for d in found if d.id_G in jvrc1.effector_geometry[effector]) < 5e-3
+
+
+def test_feet_of_jvrc1_reach_no_further_beyond_their_patches_than_is_said(jvrc1):
+    inspector = jvrc1.scene_graph.model_inspector()
+    context = jvrc1.plant.CreateDefaultContext()
+    for effector, foot, ids in zip(jvrc1.robot.effectors, jvrc1.effector_bodies, jvrc1.effector_geometry, strict=True):
+        if effector.name.endswith("palm"):
+            continue
+        (geometry,) = ids
+        body = jvrc1.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+        X_FG = body.body_frame().CalcPose(context, foot.body_frame()) @ inspector.GetPoseInFrame(geometry)
+        hull = inspector.GetConvexHull(geometry)
+        points = np.array([X_FG.multiply(np.array(hull.vertex(i))) for i in range(hull.num_vertices())])
+        (hx, hy), (front, back, side) = effector.half_extent, effector.overhang
+        assert points[:, 0].max() <= hx + front <= points[:, 0].max() + 5e-3
+        assert points[:, 0].min() >= -hx - back >= points[:, 0].min() - 5e-3
+        assert np.abs(points[:, 1]).max() <= hy + side <= np.abs(points[:, 1]).max() + 5e-3
