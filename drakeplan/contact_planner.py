@@ -73,6 +73,7 @@ class ContactPlanner:
 
     Attributes:
         start: the first stance.
+        goal: with its height.
         setup_s: seconds it took to pack the terrain and to set the robot down.
         search: the search that `plans` runs, None before.
 
@@ -92,11 +93,11 @@ class ContactPlanner:
         self.options = options or ContactPlannerOptions()
         self.packed = pack_terrain(scene.terrain)
         self.start = start_stance(scene, self.packed, robot)
-        goal = check_goal(scene, self.packed, robot)
+        self.goal = check_goal(scene, self.packed, robot)
         self.pool = ContactPool(self.packed)
         self.check = TransitionCheck(self.pool, robot, ik, self.packed, self.options.cone)
         self.domain = ContactDomain(
-            self.packed, robot, goal, model or transition_model(), self.check, self.options.weights,
+            self.packed, robot, self.goal, model or transition_model(), self.check, self.options.weights,
             self.options.heuristic, self.options.use_palms,
         )  # fmt: skip
         numbers = [-1 if c is None else self.pool.add_contact(c) for c in self.start.contacts]

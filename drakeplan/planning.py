@@ -172,6 +172,7 @@ def plan_scene(
         cone=options.cone, heuristic=options.heuristic, seed=options.seed, use_palms=options.use_palms
     )
     planner = ContactPlanner(scene, robot, ik, search_options, transition_model(options.transition_model))
+    scene = _set_down(scene, planner)
     reason = planner.start_problem()
     if reason:
         return PlanResult("none", reason, None, record.as_dict("none", reason, None))
@@ -330,15 +331,23 @@ class _Query:
         return PlanResult(status, reason, plan, report, verification)
 
 
+def _set_down(scene: Scene, planner: ContactPlanner) -> Scene:
+    """The scene with start and goal at the height of the ground that they were set down on."""
+    start = scene.start
+    if start is not None and not start.stance:
+        start = dataclasses.replace(start, xyz=(start.xyz[0], start.xyz[1], float(planner.start.feet_mean()[2])))
+    return dataclasses.replace(scene, start=start, goal=planner.goal)
+
+
 def with_options(scene: Scene, options: PlanOptions) -> Scene:
     """The scene with the start, goal and friction that the options ask for."""
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
         yaw = options.start[2] if len(options.start) > 2 else 0.0
-        start = Start((options.start[0], options.start[1], float("nan")), yaw)
+        start = Start((options.start[0], options.start[1], float("nan")), yaw)  # the ground says how high
     radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
     if options.goal is not None:
-        goal = Goal((options.goal[0], options.goal[1], 0.0), radius, options.goal[2] if len(options.goal) > 2 else None)
+        goal = Goal((options.goal[0], options.goal[1], float("nan")), radius, options.goal[2] if len(options.goal) > 2 else None)
     elif goal is not None:
         goal = dataclasses.replace(goal, radius=radius)
     if options.friction is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from scenes.effector import EFFECTORS
@@ -51,7 +53,7 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
 
 
 def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot) -> Goal:
-    """The scene's goal, once some sole is known to fit near it.
+    """The scene's goal, once some sole is known to fit near it; a height that is not a number becomes the ground's.
 
     Raises:
         InputError: no goal, or no ground for a foot within the goal region.
@@ -62,8 +64,10 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot) -> Goal:
         for angle in np.linspace(0.0, 2 * np.pi, 1 if radius == 0 else 12, endpoint=False):
             x, y = goal.xyz[0] + radius * np.cos(angle), goal.xyz[1] + radius * np.sin(angle)
             for yaw in (goal.yaw or 0.0, (goal.yaw or 0.0) + np.pi / 2):
-                if set_down(packed, EFFECTORS[0], x, y, yaw, robot.effectors[0].half_extent) is not None:
-                    return goal
+                foot = set_down(packed, EFFECTORS[0], x, y, yaw, robot.effectors[0].half_extent)
+                if foot is not None:
+                    z = goal.xyz[2] if np.isfinite(goal.xyz[2]) else float(foot.p_WC[2])
+                    return dataclasses.replace(goal, xyz=(goal.xyz[0], goal.xyz[1], z))
     raise InputError(
         f"scene {scene.name}: goal: no ground takes a sole within {reach:.2f} m of x {goal.xyz[0]:g}, "
         f"y {goal.xyz[1]:g}; {extent_text(scene)}"
