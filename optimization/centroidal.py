@@ -366,7 +366,8 @@ class CentroidalProgram:
     def solve(self) -> CentroidalEstimate:
         """Solves from the first guess, or `start_from`, and checks the numbers that would be written to a plan."""
         options = self.options
-        settings = SolverSettings(solver=options.solver, time_limit=options.time_limit)
+        gap = 1e-2 * options.tolerance
+        settings = SolverSettings(solver=options.solver, gap=gap, time_limit=options.time_limit)
         outcome = minimise(
             CentroidalModel(self),
             ConvexSolver(self.prog, settings),

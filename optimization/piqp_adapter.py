@@ -25,17 +25,29 @@ def available() -> bool:
 class PiqpSolver:
     """Solves quadratic programs in turn, and keeps PIQP's symbolic work while their sparsity stays the same."""
 
-    def __init__(self) -> None:
+    def __init__(self, tolerance: float, gap: float, least_cost: float, max_iterations: int) -> None:
+        """Args: absolute and relative accuracy of the residuals, accuracy of the cost relative to it or to a least one,
+        and the limit on interior-point iterations.
+        """
+        self._settings = {
+            "eps_abs": tolerance,
+            "eps_rel": tolerance,
+            "eps_duality_gap_abs": gap * least_cost,
+            "eps_duality_gap_rel": gap,
+            "reg_lower_limit": REGULARISATION,
+            "eps_primal_inf": INFEASIBILITY,
+            "eps_dual_inf": INFEASIBILITY,
+            "max_iter": max_iterations,
+            "verbose": False,
+        }
         self._solver = None
         self._pattern: tuple[np.ndarray, ...] | None = None
 
-    def solve(self, program: QuadraticProgram, *, tolerance: float, max_iterations: int) -> tuple[str, np.ndarray, int]:
+    def solve(self, program: QuadraticProgram) -> tuple[str, np.ndarray, int]:
         """Status in PIQP's words, the (n,) last iterate and the number of iterations.
 
         Args:
             program: finite data, see `QuadraticProgram.non_finite`.
-            tolerance: absolute and relative accuracy asked for.
-            max_iterations: of the interior-point method.
         """
         import piqp  # optional: nobody but the one who asks for it needs it
 
@@ -47,13 +59,8 @@ class PiqpSolver:
             self._solver.update(*data)
         else:
             self._solver, self._pattern = piqp.SparseSolver(), pattern
-            settings = self._solver.settings
-            settings.eps_abs = settings.eps_rel = tolerance
-            settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
-            settings.reg_lower_limit = REGULARISATION
-            settings.eps_primal_inf = settings.eps_dual_inf = INFEASIBILITY
-            settings.max_iter = max_iterations
-            settings.verbose = False
+            for name, value in self._settings.items():
+                setattr(self._solver.settings, name, value)
             self._solver.setup(*data)
         status = self._solver.solve()
         result = self._solver.result

@@ -20,6 +20,7 @@ from optimization import piqp_adapter
 from optimization.quadratic_program import ProgramReader, QuadraticProgram, is_quadratic
 from scenes.input_error import InputError
 
+LEAST_COST = 1e-2  # a relative gap says nothing of costs near zero
 SOLVERS = ("auto", "piqp", "clarabel")
 
 
@@ -29,7 +30,8 @@ class SolverSettings:
 
     Attributes:
         solver: "auto" (PIQP where it is installed and the program is a quadratic one, else Clarabel), or by name.
-        tolerance: accuracy asked of the solver, in the program's own units.
+        tolerance: accuracy of constraints and stationarity asked of the solver, in the program's own units.
+        gap: relative accuracy of the cost asked of the solver; of costs below 0.01 as if they were 0.01.
         time_limit: seconds after which the solver should give up.
         max_iterations: of the interior-point method.
         accept: greatest violation of any constraint at which an answer counts as feasible.
@@ -37,6 +39,7 @@ class SolverSettings:
 
     solver: str = "auto"
     tolerance: float = 1e-8
+    gap: float = 1e-8
     time_limit: float = 30.0
     max_iterations: int = 100
     accept: float = 1e-6
@@ -85,7 +88,10 @@ class ConvexSolver:
         quadratic = is_quadratic(prog)
         self.name = self._choose(quadratic)
         self._reader = ProgramReader(prog) if quadratic else None
-        self._piqp = piqp_adapter.PiqpSolver() if self.name == "piqp" else None
+        self._piqp = None
+        if self.name == "piqp":
+            limits = self.settings
+            self._piqp = piqp_adapter.PiqpSolver(limits.tolerance, limits.gap, LEAST_COST, limits.max_iterations)
 
     def _choose(self, quadratic: bool) -> str:
         asked = self.settings.solver
@@ -112,9 +118,7 @@ class ConvexSolver:
         if bad:
             raise InputError(f"optimisation: the data of {bad!r} is not finite")
         if self._piqp is not None and program is not None:
-            answer = self._piqp.solve(
-                program, tolerance=self.settings.tolerance, max_iterations=self.settings.max_iterations
-            )
+            answer = self._piqp.solve(program)
             x, record = self._judge("piqp", answer, program, started)
             if record.feasible:
                 return x, record
@@ -140,8 +144,9 @@ class ConvexSolver:
         options = SolverOptions()
         options.SetOption(CommonSolverOption.kMaxThreads, 1)
         solver = ClarabelSolver()
-        for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-            options.SetOption(solver.solver_id(), key, self.settings.tolerance)
+        options.SetOption(solver.solver_id(), "tol_feas", self.settings.tolerance)
+        options.SetOption(solver.solver_id(), "tol_gap_rel", self.settings.gap)
+        options.SetOption(solver.solver_id(), "tol_gap_abs", self.settings.gap * LEAST_COST)
         options.SetOption(solver.solver_id(), "time_limit", self.settings.time_limit)
         options.SetOption(solver.solver_id(), "max_iter", self.settings.max_iterations)
         result = solver.Solve(self.prog, None, options)
