@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 
 GRAVITY = 9.81  # [m/s^2], as in Drake
@@ -103,7 +104,14 @@ class CentroidalOptions:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"centroidal options: {name} must be a finite number > 0, got {value}")
-        for name in ("angular_momentum_limit", "angular_momentum_rate_limit", "com_reach", "force_limit"):
+        for name, length in (
+            ("angular_momentum_limit", 3),
+            ("angular_momentum_rate_limit", 3),
+            ("com_reach", len(EFFECTORS)),
+            ("force_limit", len(EFFECTORS)),
+        ):
+            if len(getattr(self, name)) != length:
+                raise InputError(f"centroidal options: {name} must have {length} entries, got {getattr(self, name)}")
             if not all(value > 0 for value in getattr(self, name)):
                 raise InputError(f"centroidal options: every entry of {name} must be > 0, got {getattr(self, name)}")
         low, nominal, high = self.com_height
@@ -111,5 +119,7 @@ class CentroidalOptions:
             raise InputError(
                 f"centroidal options: com_height must ascend (least, nominal, greatest), got {self.com_height}"
             )
+        if self.final_half_width is not None and not all(half >= 0 for half in self.final_half_width):
+            raise InputError(f"centroidal options: final_half_width must not be negative, got {self.final_half_width}")
         if self.max_iterations < 1:
             raise InputError(f"centroidal options: max_iterations must be at least 1, got {self.max_iterations}")

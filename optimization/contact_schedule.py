@@ -65,25 +65,38 @@ class ContactSchedule:
 
     @classmethod
     def from_stances(
-        cls, stances: Sequence[Stance], *, dt: float, shift_time: float, swing_time: float, settle: bool = True
+        cls,
+        stances: Sequence[Stance],
+        *,
+        dt: float = 0.2,
+        shift_time: float = 1.0,
+        swing_time: float = 1.0,
+        settle_time: float | None = None,
     ) -> ContactSchedule:
         """The documents' timing (Lin 2020 sec. 6.7): shift on each stance, then move one end effector to the next.
 
-        While it moves, an end effector carries no load. With `settle` the last stance is held for `shift_time` too.
+        While it moves, an end effector carries no load. Times are rounded to whole intervals, at least one each.
+
+        Args:
+            stances: consecutive ones differ in one end effector.
+            dt: length of an interval [s].
+            shift_time: time on each stance before the next transition [s].
+            swing_time: time in which an end effector moves [s].
+            settle_time: time on the last stance, `shift_time` where None [s]. For a single transition `dt` is enough to
+                make the new contact count.
 
         Raises:
             InputError: no stances.
         """
         if not stances:
             raise InputError("contact schedule: the contact sequence is empty")
-        shift, swing = (max(1, round(time / dt)) for time in (shift_time, swing_time))
+        settle_time = shift_time if settle_time is None else settle_time
+        shift, swing, settle = (max(1, round(duration / dt)) for duration in (shift_time, swing_time, settle_time))
         rows: list[Sequence[Contact | None]] = []
         for before, after in pairwise(stances):
             moving = changed_effector(before, after)
             rows += [before.contacts] * shift + [before.replace(moving, None).contacts] * swing
-        if settle or len(stances) == 1:
-            rows += [stances[-1].contacts] * shift
-        return cls.from_rows(rows, dt)
+        return cls.from_rows(rows + [stances[-1].contacts] * settle, dt)
 
     @property
     def num_knots(self) -> int:

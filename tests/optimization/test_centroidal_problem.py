@@ -1,4 +1,4 @@
-"""Bad data is refused by name before any program is built."""
+"""Bad data is refused by name before any program is built; odd but valid data is solved."""
 
 from dataclasses import replace
 
@@ -15,9 +15,27 @@ from scenes.input_error import InputError
 HALF = np.array([[0.11, 0.05], [0.11, 0.05], [0.05, 0.05], [0.05, 0.05]])
 
 
-def standing(mu=0.5):
+def standing(mu=0.5, intervals=10):
     row = [Contact("left_foot", 0, np.eye(4), mu), None, None, None]
-    return CentroidalProblem(ContactSchedule.from_rows([row] * 10, 0.1), 76.0, HALF, np.array([0.0, 0.0, 0.9]))
+    return CentroidalProblem(ContactSchedule.from_rows([row] * intervals, 0.1), 76.0, HALF, np.array([0.0, 0.0, 0.9]))
+
+
+@pytest.mark.parametrize("solver", ["piqp", "clarabel"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        standing(intervals=1),
+        standing(mu=0.0),
+        standing(mu=5.0),
+        replace(standing(), half_extent=np.zeros((4, 2))),
+        replace(standing(), half_extent=HALF * [1.0, 0.0]),
+    ],
+    ids=["one interval", "no friction", "much friction", "point feet", "line feet"],
+)
+def test_a_robot_stands_still_on_any_patch_and_any_friction(data, solver):
+    estimate = CentroidalProgram(data, CentroidalOptions(solver=solver)).solve()
+    assert estimate.feasible, estimate.reason
+    assert np.allclose(estimate.trajectory.force_W[:, 0], [0, 0, 76.0 * 9.81], atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +65,15 @@ def test_unknown_cones_and_bad_options_are_refused():
     for mu in (-0.5, np.nan):
         with pytest.raises(InputError, match="friction"):
             standing(mu)
-    for change in ({"dt": 0.0}, {"com_height": (1.0, 0.9, 1.1)}, {"max_iterations": 0}, {"force_limit": (0, 1, 1, 1)}):
+    for change in (
+        {"dt": 0.0},
+        {"com_height": (1.0, 0.9, 1.1)},
+        {"max_iterations": 0},
+        {"force_limit": (0, 1, 1, 1)},
+        {"com_reach": (1, 1)},
+        {"angular_momentum_limit": (np.nan, 1, 1)},
+        {"final_half_width": (-1, 1, 1)},
+    ):
         with pytest.raises(InputError):
             CentroidalOptions(**change)
     with pytest.raises(InputError):

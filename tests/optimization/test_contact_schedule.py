@@ -38,6 +38,13 @@ def test_each_transition_shifts_for_a_second_and_swings_for_a_second():
     assert len(schedule.contacts) == 4
 
 
+def test_a_single_transition_needs_one_interval_for_its_new_contact():
+    schedule = ContactSchedule.from_stances(stances()[:2], settle_time=0.2)
+    assert len(schedule.dt) == 11
+    assert schedule.contacts[schedule.active[-1, 0]].p_WC[0] == 0.3
+    assert schedule.feet_mean()[-1, 0] == pytest.approx(0.15)
+
+
 def test_the_mean_of_the_feet_is_that_of_the_feet_in_contact():
     schedule = ContactSchedule.from_stances(stances(), dt=0.2, shift_time=1.0, swing_time=1.0)
     mean = schedule.feet_mean()
