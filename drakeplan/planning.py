@@ -189,7 +189,7 @@ class _Query:
         self.scene, self.robot, self.options = scene, robot, options
         self.planner, self.record, self.tell = planner, record, tell
         self.clock = _Clock()
-        self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone))
+        self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone), ik=planner.check.ik)
 
     def run(self) -> PlanResult:
         refused: tuple[str, ContactPlan, Report | None] | None = None
@@ -261,9 +261,19 @@ class _Query:
         return motion
 
     def _bar(self, best: ContactPlan, motion: MotionResult) -> bool:
-        """Bars the transitions that the motion failed at; False when it does not know which."""
-        at = [k for k in motion.failed_transitions if 0 <= k < len(best.states) - 1]
-        for k in at:
+        """Bars the moves that the motion failed at; False when it does not know which.
+
+        A swing that fails bars its own move. What fails while all contacts of a stance are held is that stance's fault,
+        so the move that led to it is barred.
+        """
+        at = set(motion.failed_transitions)
+        for problem in motion.problems:
+            phase = int(motion.schedule.phase_at(np.array([problem.time]))[0])
+            at.add(phase // 2 if phase % 2 else phase // 2 - 1)
+            if phase % 2 == 0:
+                at.discard(problem.transition)
+        at = {k for k in at if 0 <= k < len(best.states) - 1}
+        for k in sorted(at):
             self.planner.forbid(best.states[k], best.states[k + 1])
         return bool(at)
 
