@@ -25,8 +25,8 @@ import numpy as np
 import scipy.optimize
 import scipy.sparse
 import yaml
-from pydrake.geometry import Box, Convex, Role
-from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.geometry import Convex, Role
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import RigidBody
@@ -66,6 +66,7 @@ START_EXACT, START_EXACT_ANGLE = 1e-3, 1e-3  # [m, rad] where the scene gives th
 GOAL_YAW = np.deg2rad(15.0)
 
 PLATE_THICKNESS = 0.02  # [m] a surface that stands alone is a plate that reaches this far behind its face
+TOUCH = 1e-4  # [m] what overlaps less is touching
 TRIANGLE_DEPTH = 0.01  # [m] a mesh's triangle reaches this far behind its face, tapered so that ridges stay sharp
 MAX_FILE, MAX_YAML = 1 << 30, 1 << 26  # [bytes]
 
@@ -866,16 +867,15 @@ def _imbalance(plan: _PlanFile, held: np.ndarray, com: np.ndarray) -> float:
 class _RobotModel:
     """The robot as Drake's parser gives it, with whatever stands around it on the world body."""
 
-    def __init__(self, model: Path, pieces: Sequence[_Piece] = ()) -> None:
+    def __init__(self, model: Path, solids: Sequence[np.ndarray] = ()) -> None:
         self.model = model
         builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         try:
             Parser(self.plant).AddModels(model)
-            for k, piece in enumerate(pieces):
-                name = f"piece {k}"
-                friction = CoulombFriction(1.0, 1.0)
-                self.plant.RegisterCollisionGeometry(self.plant.world_body(), piece.X_WG, piece.shape, name, friction)
+            for k, points in enumerate(solids):
+                hull, name, friction = Convex(points.T, "solid"), f"solid {k}", CoulombFriction(1.0, 1.0)
+                self.plant.RegisterCollisionGeometry(self.plant.world_body(), RigidTransform(), hull, name, friction)
             self.plant.Finalize()
             frames = [self.plant.GetFrameByName(name) for name in EFFECTORS]
         except RuntimeError as error:
@@ -1039,66 +1039,75 @@ def _angle(R_WA: np.ndarray, R_WB: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
-    """A convex body of the terrain, its pose and bounds in W [m], and what to call it."""
+class _Face:
+    """One outer face of something solid: a convex polygon (K, 3), its outward normal, and what to call it.
+
+    A tapered one leans inwards behind the face, so that its solid does not poke out of the next face of a mesh where
+    the ridge between them is 45 deg or blunter.
+    """
 
     name: str
-    shape: Convex | Box
-    X_WG: RigidTransform
-    low: np.ndarray
-    high: np.ndarray
+    polygon: np.ndarray
+    normal: np.ndarray
+    tapered: bool
+
+    def solid(self, low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
+        """(n, 3) corners of the convex solid behind the part of the face between `low` and `high`; None for slivers."""
+        polygon = _clip(self.polygon, low, high)
+        if len(polygon) < 3:
+            return None
+        edges = np.roll(polygon, -1, axis=0) - polygon
+        long = np.linalg.norm(edges, axis=1) > 1e-6
+        inward = np.cross(self.normal, edges[long])
+        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        middle = polygon.mean(axis=0)
+        radius = (inward * (middle - polygon[long])).sum(axis=1).min(initial=np.inf)
+        if not 1e-4 < radius < np.inf:
+            return None  # its neighbours cover it
+        if not self.tapered:
+            return np.concatenate([polygon, polygon - PLATE_THICKNESS * self.normal])
+        depth = min(TRIANGLE_DEPTH, 0.9 * radius)
+        return np.concatenate([polygon, middle + (polygon - middle) * (1 - depth / radius) - depth * self.normal])
 
 
 def _check_collisions(
     sheet: _Sheet, plan: _PlanFile, robot: _RobotModel, scene: _Scene, origins: np.ndarray, radii: np.ndarray
 ) -> None:
-    pieces = [*_plates(plan, scene), *_triangles(plan["scene/triangles"]), *_boxes(scene)]
-    limits = {
-        "self collision": PENETRATION,
-        "terrain collision": PENETRATION,
-        "sole and palm collision": SOLE_PENETRATION,
-    }
+    faces = [*_plates(plan, scene), *_triangles(plan["scene/triangles"]), *_boxes(scene)]
+    limits = dict.fromkeys(("self collision", "terrain collision"), PENETRATION)
+    limits["sole and palm collision"] = SOLE_PENETRATION
     nothing = (0.0, "nowhere") if len(radii) else (np.nan, "the model has no collision shapes")
     worst: dict[str, tuple[float, str]] = dict.fromkeys(limits, nothing)
-    for frames, near in _groups(origins, radii, pieces) if len(radii) else ():
-        _penetrate(plan, robot.model, [pieces[k] for k in near], frames, worst)
+    for frames, near in _groups(origins, radii, faces) if len(radii) else ():
+        low = origins[frames].min(axis=(0, 1)) - radii.max() - MARGIN
+        high = origins[frames].max(axis=(0, 1)) + radii.max() + MARGIN
+        solids = {k: solid for k in near if (solid := faces[k].solid(low, high)) is not None}
+        world = _RobotModel(robot.model, list(solids.values()))
+        _penetrate(plan, world, [faces[k].name for k in solids], frames, worst)
     for name, (depth, where) in worst.items():
         sheet.add(name, depth, limits[name], "m", where)
 
 
-def _plates(plan: _PlanFile, scene: _Scene) -> Iterator[_Piece]:
-    """A prism behind each surface, but for those that lie on the obstacles' own triangles: the mesh is their body."""
-    triangles, normals, _ = _solid(plan["scene/triangles"])
+def _plates(plan: _PlanFile, scene: _Scene) -> Iterator[_Face]:
+    """Every surface, but for those that lie on the obstacles' own triangles: the mesh is their body."""
+    triangles, normals = _upright(plan["scene/triangles"])
     for plate in scene.plates:
         if not _on_mesh(plate, triangles, normals):
-            prism = np.concatenate([plate.vertices, plate.vertices - PLATE_THICKNESS * plate.normal])
-            yield _convex(plate.name, prism)
+            yield _Face(plate.name, plate.vertices, plate.normal, tapered=False)
 
 
-def _triangles(triangles: np.ndarray) -> Iterator[_Piece]:
-    """A frustum behind each triangle: Drake would take a whole mesh for its convex hull.
-
-    Its sides lean inwards, so that no frustum pokes out of the next face where the ridge is blunter than 45 deg.
-    """
-    for triangle, normal, (centre, radius) in zip(*_solid(triangles), strict=True):
-        depth = min(TRIANGLE_DEPTH, 0.9 * radius)
-        rear = centre + (triangle - centre) * (1 - depth / radius) - depth * normal
-        yield _convex("an obstacle's triangle", np.concatenate([triangle, rear]))
+def _triangles(triangles: np.ndarray) -> Iterator[_Face]:
+    """One by one: Drake would take a whole mesh for its convex hull."""
+    for triangle, normal in zip(*_upright(triangles), strict=True):
+        yield _Face("an obstacle's triangle", triangle, normal, tapered=True)
 
 
-def _solid(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, float]]]:
-    """Triangles that are no slivers, their outward normals, and centre and radius [m] of their incircles."""
-    edges = np.roll(triangles, -1, axis=1) - triangles
-    lengths = np.linalg.norm(edges, axis=2)
-    doubled = np.cross(edges[:, 0], edges[:, 1])
-    area, perimeter = np.linalg.norm(doubled, axis=1) / 2, np.maximum(lengths.sum(axis=1), 1e-300)
-    radius = 2 * area / perimeter
-    # Vertex i is weighted by the length of the side that lies opposite.
-    weights = lengths[:, [1, 2, 0]] / perimeter[:, None]
-    centre = (weights[..., None] * triangles).sum(axis=1)
-    keep = radius > 1e-4
-    normals = doubled[keep] / (2 * area[keep, None])
-    return triangles[keep], normals, list(zip(centre[keep], radius[keep], strict=True))
+def _upright(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The (n, 3, 3) triangles that enclose an area, and (n, 3) their outward normals."""
+    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(doubled, axis=1)
+    keep = length > 1e-10
+    return triangles[keep], doubled[keep] / length[keep, None]
 
 
 def _on_mesh(plate: _Plate, triangles: np.ndarray, normals: np.ndarray) -> bool:
@@ -1119,57 +1128,63 @@ def _on_mesh(plate: _Plate, triangles: np.ndarray, normals: np.ndarray) -> bool:
     return True
 
 
-def _boxes(scene: _Scene) -> Iterator[_Piece]:
+def _boxes(scene: _Scene) -> Iterator[_Face]:
     for k, (X_WO, size) in enumerate(scene.boxes):
-        corners = _corners(X_WO, size[:2] / 2)
-        spread = np.concatenate([corners + s * size[2] / 2 * X_WO[:3, 2] for s in (-1, 1)])
-        X_WG = RigidTransform(RotationMatrix(X_WO[:3, :3]), X_WO[:3, 3])
-        yield _Piece(f"box {k}", Box(*size), X_WG, spread.min(axis=0), spread.max(axis=0))
+        for axis, sign in itertools.product(range(3), (1, -1)):
+            R = sign * np.roll(X_WO[:3, :3], 2 - axis, axis=1)  # the outward axis comes last
+            half = np.roll(size, 2 - axis) / 2
+            corners = np.array([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]]) * half
+            polygon = X_WO[:3, 3] + corners @ R.T
+            yield _Face(f"box {k}", polygon[::sign], R[:, 2], tapered=True)
 
 
-def _convex(name: str, points: np.ndarray) -> _Piece:
-    return _Piece(name, Convex(points.T, "piece"), RigidTransform(), points.min(axis=0), points.max(axis=0))
+# Registering n solids costs Drake n^2, and its signed distance never returns where a sole touches a plate of 30 m:
+# a long way is checked stretch by stretch, on what lies around each.
+MAX_FACES, BLOCK, STRETCH, MARGIN = 250, 100, 3.0, 0.5
 
 
-MAX_PIECES, BLOCK = 250, 100  # registering n bodies costs Drake n^2: a long way is checked stretch by stretch
+def _groups(origins: np.ndarray, radii: np.ndarray, faces: Sequence[_Face]) -> Iterator[tuple[slice, np.ndarray]]:
+    """Stretches of frames and the faces that any body's bounds come near in them.
 
-
-def _groups(origins: np.ndarray, radii: np.ndarray, pieces: Sequence[_Piece]) -> Iterator[tuple[range, np.ndarray]]:
-    """Stretches of frames and the pieces that any body's bounds come near in them."""
-    low = np.array([p.low for p in pieces]).reshape(-1, 3)
-    high = np.array([p.high for p in pieces]).reshape(-1, 3)
-    first, gathered = 0, np.zeros(len(pieces), dtype=bool)
+    Args:
+        origins: (T, B, 3) of the bodies in W [m].
+        radii: (B,) about the origins that hold the bodies [m].
+        faces: of everything that stands still.
+    """
+    low = np.array([f.polygon.min(axis=0) for f in faces]).reshape(-1, 3) - PLATE_THICKNESS
+    high = np.array([f.polygon.max(axis=0) for f in faces]).reshape(-1, 3) + PLATE_THICKNESS
+    first, gathered = 0, np.zeros(len(faces), dtype=bool)
     for start in range(0, len(origins), BLOCK):
         swept = origins[start : start + BLOCK]
         least, most = swept.min(axis=0) - radii[:, None], swept.max(axis=0) + radii[:, None]
         near = ((low <= most[:, None]) & (high >= least[:, None])).all(axis=2).any(axis=0)
-        if start > first and (gathered | near).sum() > MAX_PIECES:
-            yield range(first, start), np.flatnonzero(gathered)
+        extent = np.ptp(origins[first : start + BLOCK, 0], axis=0).max()
+        if start > first and (extent > STRETCH or (gathered | near).sum() > MAX_FACES):
+            yield slice(first, start), np.flatnonzero(gathered)
             first, gathered = start, near
         else:
             gathered |= near
-    yield range(first, len(origins)), np.flatnonzero(gathered)
+    yield slice(first, len(origins)), np.flatnonzero(gathered)
 
 
 def _penetrate(
-    plan: _PlanFile, model: Path, pieces: Sequence[_Piece], frames: range, worst: dict[str, tuple[float, str]]
+    plan: _PlanFile, world: _RobotModel, names: Sequence[str], frames: slice, worst: dict[str, tuple[float, str]]
 ) -> None:
-    """Deepens `worst` by what overlaps in these frames.
+    """Deepens `worst` by what overlaps in these frames; `names` are those of the solids.
 
     Point-pair penetration finds all overlaps at once, but bounds their depth from above only: a sole 3 mm deep in a
     small triangle may come out as 17 mm. Depths that would matter are asked again as signed distances.
     """
-    world = _RobotModel(model, pieces)
     inspector = world.scene_graph.model_inspector()
     owner: dict = {}
     for geometry in inspector.GetAllGeometryIds(Role.kProximity):
         body = world.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
         still = body.index() == world.plant.world_body().index()
-        label = pieces[int(inspector.GetName(geometry).rpartition(" ")[2])].name if still else body.name()
+        label = names[int(inspector.GetName(geometry).rpartition(" ")[2])] if still else body.name()
         owner[geometry] = (still, int(body.index()) in world.carriers, label)
-    port, t, q = world.scene_graph.get_query_output_port(), plan["motion/t"], plan["motion/q"]
-    for k in frames:
-        world.plant.SetPositions(world.plant_context, q[k])
+    port, t = world.scene_graph.get_query_output_port(), plan["motion/t"]
+    for k, q in enumerate(plan["motion/q"][frames], start=frames.start):
+        world.plant.SetPositions(world.plant_context, q)
         query = port.Eval(world.scene_context)
         for pair in query.ComputePointPairPenetration():
             (still_a, carrier_a, label_a), (still_b, carrier_b, label_b) = owner[pair.id_A], owner[pair.id_B]
@@ -1179,8 +1194,9 @@ def _penetrate(
             depth = pair.depth
             if depth <= worst[kind][0]:
                 continue
-            with contextlib.suppress(RuntimeError):  # the bound from above stands
-                depth = min(depth, -query.ComputeSignedDistancePairClosestPoints(pair.id_A, pair.id_B).distance)
+            if depth > TOUCH:
+                with contextlib.suppress(RuntimeError):  # the bound from above stands
+                    depth = min(depth, -query.ComputeSignedDistancePairClosestPoints(pair.id_A, pair.id_B).distance)
             if depth > worst[kind][0]:
                 worst[kind] = (depth, f"frame {k}, t = {t[k]:.3f} s, {label_a} in {label_b}")
 

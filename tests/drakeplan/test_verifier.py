@@ -27,6 +27,7 @@ from drakeplan.verifier import CONES, TRUE_CONE, Cone, UnreadablePlan, verify, w
 SOURCE = Path(verifier.__file__)
 HALF = np.array([0.11, 0.05])  # [m] of a sole
 MU = 0.5
+EVERYWHERE = np.full(3, -1e3), np.full(3, 1e3)
 
 
 @pytest.fixture(scope="module")
@@ -450,13 +451,51 @@ def test_frusta_do_not_poke_through_the_far_side_of_a_ridge() -> None:
     for face, own, other in ((left, *normals), (right[::-1], *normals[::-1])):
         if np.cross(face[1] - face[0], face[2] - face[0]) @ own < 0:
             face = face[::-1]
-        _, (normal,), ((centre, radius),) = verifier._solid(face[None])
+        ((polygon, normal),) = zip(*verifier._upright(face[None]), strict=True)
         np.testing.assert_allclose(normal, own, atol=1e-12)
-        depth = min(verifier.TRIANGLE_DEPTH, 0.9 * radius)
-        rear = centre + (face - centre) * (1 - depth / radius) - depth * normal
+        rear = verifier._Face("f", polygon, normal, tapered=True).solid(*EVERYWHERE)[3:]
         apex = np.array([0.0, 0.0, 1.0])
         assert ((rear - apex) @ own).max() < 0
         assert ((rear - apex) @ other).max() < 1e-9
+
+
+def test_a_box_is_six_faces_that_look_outwards() -> None:
+    X_WO = np.eye(4)
+    X_WO[:3, :3] = RotationMatrix(RollPitchYaw(0.3, -0.5, 1.0)).matrix()
+    X_WO[:3, 3] = [1.0, 2.0, 3.0]
+    size = np.array([0.2, 0.4, 0.6])
+    faces = list(verifier._boxes(verifier._Scene((), ((X_WO, size),), {}, {})))
+    outward = np.array([face.normal for face in faces])
+    looks = {tuple(np.round(look).astype(int)) for look in outward @ X_WO[:3, :3]}
+    assert looks == {(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)}
+    corners = {tuple(np.round(corner, 9)) for face in faces for corner in face.polygon}
+    assert len(corners) == 8
+    for face in faces:
+        _, (newell,) = verifier._upright(face.polygon[None, :3])
+        np.testing.assert_allclose(newell, face.normal, atol=1e-12)
+        distance_to_face = (face.polygon - X_WO[:3, 3]) @ face.normal
+        np.testing.assert_allclose(distance_to_face, size @ np.abs(face.normal @ X_WO[:3, :3]) / 2)
+        behind = face.solid(*EVERYWHERE) - X_WO[:3, 3]
+        assert (np.abs(behind @ X_WO[:3, :3]) <= size / 2 + 1e-12).all()
+
+
+def test_slivers_are_left_to_their_neighbours() -> None:
+    sliver = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1e-4, 0]])
+    assert verifier._Face("f", sliver, np.array([0.0, 0, 1]), tapered=True).solid(*EVERYWHERE) is None
+
+
+def test_ground_without_end_is_judged_in_no_time_and_as_deep_as_it_is(stepping_plan: Plan, tmp_path: Path) -> None:
+    """Drake's signed distance never returns for a sole in a plate of this size."""
+    text = stepping_plan.scene_yaml.replace(
+        "[[-1, -1, 0], [2, -1, 0], [2, 0.6, 0], [-1, 0.6, 0]]",
+        "[[-900, -900, 0], [900, -900, 0], [900, 900, 0], [-900, 900, 0]]",
+    )
+    q = stepping_plan.motion.q - 0.003 * np.eye(stepping_plan.motion.q.shape[1])[6]
+    motion = dataclasses.replace(stepping_plan.motion, q=q)
+    write_plan(dataclasses.replace(stepping_plan, scene_yaml=text, motion=motion), tmp_path / "plan.h5")
+    report = verify(tmp_path / "plan.h5")
+    assert report.holds, report.table()
+    assert report.check("sole and palm collision").worst == pytest.approx(0.003, abs=1e-4)
 
 
 def test_surfaces_that_lie_on_a_mesh_are_its_body_and_not_another_plate() -> None:
@@ -478,16 +517,18 @@ def test_a_long_way_is_checked_stretch_by_stretch_without_losing_a_piece() -> No
     """Every piece that a body touches in a frame is in that frame's group."""
     rng = np.random.default_rng(0)
     centres = rng.uniform([0, -0.4, 0], [30, 0.4, 1], (1500, 3))
-    pieces = [verifier._convex("p", c + 0.02 * rng.standard_normal((4, 3))) for c in centres]
+    up = np.array([0.0, 0.0, 1.0])
+    faces = [verifier._Face("f", c + 0.02 * rng.standard_normal((3, 3)), up, tapered=True) for c in centres]
     origins = np.column_stack([np.linspace(0, 30, 1500), np.zeros(1500), np.full(1500, 0.5)])[:, None]
     radii = np.array([0.3])
-    groups = list(verifier._groups(origins, radii, pieces))
-    assert [k for frames, _ in groups for k in frames] == list(range(1500))
+    groups = list(verifier._groups(origins, radii, faces))
+    assert [k for frames, _ in groups for k in range(frames.start, frames.stop)] == list(range(1500))
     assert len(groups) > 1
-    low, high = np.array([p.low for p in pieces]), np.array([p.high for p in pieces])
+    low, high = (np.array([getattr(f.polygon, end)(axis=0) for f in faces]) for end in ("min", "max"))
     for frames, near in groups:
-        for k in frames:
-            apart = (low > origins[k, 0] + radii).any(axis=1) | (high < origins[k, 0] - radii).any(axis=1)
+        assert np.ptp(origins[frames, 0], axis=0).max() < verifier.STRETCH + 2.0
+        for origin in origins[frames, 0]:
+            apart = (low > origin + radii).any(axis=1) | (high < origin - radii).any(axis=1)
             assert set(np.flatnonzero(~apart)) <= set(near)
 
 
