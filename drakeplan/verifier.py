@@ -56,7 +56,7 @@ BALANCE = 1e-4  # [M g, M g m] of gravity from what the first and last contacts 
 
 HELD_POSITION, HELD_ANGLE = 5e-3, np.deg2rad(1.0)  # [m, rad] of an end effector that holds a contact
 JOINT_LIMIT, SPEED_LIMIT = 1e-4, 1e-3  # [rad, rad/s] past a joint's limits
-VELOCITY = 0.2  # [rad/s, m/s] velocities against differences of the positions, over one frame
+VELOCITY = 0.4  # [rad/s, m/s] velocities against differences of the positions: curvature within one frame
 QUATERNION = 1e-6  # norm off one
 COM = 0.02  # [m] the model's CoM off the plan's
 PENETRATION, SOLE_PENETRATION = 5e-3, 0.01  # [m]
