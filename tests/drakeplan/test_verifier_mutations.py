@@ -235,7 +235,7 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     "spin out of nothing": (add("centroidal/angular_momentum", (knot, 2), 0.5), {"euler"}),
     # motion
     "a base that floats": (add("motion/q", (..., 6), 0.02), {"held contacts stay"}),
-    "a base that floats for one frame": (add("motion/q", (frame, 6), 0.01), {"held contacts stay", "velocities"}),
+    "a base that floats for one frame": (add("motion/q", (frame, 6), 0.02), {"held contacts stay", "velocities"}),
     "a base that has sunk": (add("motion/q", (..., 6), -0.02), {"sole and palm collision", "held contacts stay"}),
     "a foot that turns on its spot": (joint("left_hip_yaw", 0.05), {"held contacts keep level"}),
     "a knee bent backwards": (joint("left_knee", -1.5), {"joint limits"}),
