@@ -366,6 +366,7 @@ class CentroidalProgram:
     def solve(self) -> CentroidalEstimate:
         """Solves from the first guess, or `start_from`, and checks the numbers that would be written to a plan."""
         options = self.options
+        self.bound_step(self._about[0], np.inf)
         gap = 1e-2 * options.tolerance
         settings = SolverSettings(solver=options.solver, gap=gap, time_limit=options.time_limit)
         outcome = minimise(

@@ -63,7 +63,8 @@ class CentroidalOptions:
     its hips and waist can keep up for a knot.
 
     Attributes:
-        cone: friction cone, one of `optimization.friction.CONES`.
+        cone: friction cone, one of `optimization.friction.CONES`. `second_order` is exact with solver "clarabel"; with
+            PIQP it is the regular 16-gon inscribed in it, which gives 98 % of the friction at worst.
         dt: length of an interval between knots [s].
         shift_time: time in which the CoM shifts before each transition [s].
         swing_time: time in which an end effector moves [s].

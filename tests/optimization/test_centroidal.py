@@ -328,6 +328,7 @@ def test_an_earlier_answer_is_a_start_from_which_one_program_suffices():
     assert len(first.records) > 1
     assert len(second.records) == 1
     assert second.cost == pytest.approx(first.cost, rel=2e-3)
+    assert again.solve().cost == pytest.approx(first.cost, rel=2e-3)
 
 
 def test_every_cost_and_constraint_has_a_name():
