@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from drakeplan.phases import Schedule
-from drakeplan.swing import smooth_step
 from optimization.centroidal import CentroidalEstimate, CentroidalProgram
 from optimization.centroidal_options import CentroidalOptions, CentroidalWeights
 from optimization.centroidal_problem import CentroidalProblem
@@ -33,13 +33,18 @@ def centroidal_options(robot: Robot, cone: str, dt: float) -> CentroidalOptions:
     )
 
 
-def com_course(schedule: Schedule, key_com: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(N, 3) CoM that passes the key postures' (P + 1, 3) at the phase boundaries, a smooth step in every phase [m]."""
-    boundaries = schedule.boundaries
-    phase = schedule.phase_at(t)
-    start, end = boundaries[phase], boundaries[phase + 1]
-    share = np.array([smooth_step(u) for u in (t - start) / (end - start)])
-    return key_com[phase] + share[:, None] * (key_com[phase + 1] - key_com[phase])
+def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(N, m) continuously differentiable course through key_x (n, m) at key_t (n,), at rest at both ends.
+
+    It does not overshoot: slopes are the harmonic mean of the secants where both go the same way, else zero (Fritsch &
+    Butland 1984).
+    """
+    slope = np.zeros_like(key_x)
+    secant = np.diff(key_x, axis=0) / np.diff(key_t)[:, None]
+    before, after = secant[:-1], secant[1:]
+    same = before * after > 0.0
+    slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
+    return CubicHermiteSpline(key_t, key_x, slope)(t)
 
 
 def solve_dynamics(

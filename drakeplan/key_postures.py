@@ -28,14 +28,14 @@ from scenes.contact import Contact
 from scenes.robot import Robot
 
 MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
-MARGINS = (0.02, 0.012, 0.006)  # [m] tried where the legs do not reach that
+MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that
 MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.03  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
 HALFWAY = 0.45  # share of a swing at which its middle posture is taken
-FLY = (30.0, 0.3)  # weights of place and turn of the end effector in the air there
+FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
 ROUNDS = 4  # of moving bodies apart
 
@@ -90,6 +90,8 @@ class BalanceRegions:
 
 def inset(region: np.ndarray, margin: float) -> np.ndarray:
     """(V, 2) the convex region without a rim of this width [m], CCW; V = 0 where nothing is left."""
+    if margin <= 0.0:
+        return region
     inner = shapely.Polygon(region).buffer(-margin, join_style="mitre")
     return np.zeros((0, 2)) if inner.is_empty else np.array(orient(inner).exterior.coords)[:-1]
 
@@ -135,24 +137,40 @@ def solve_key_postures(
     return keys
 
 
-def solve_swing_postures(
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Postures to pass one after the other.
+
+    Attributes:
+        t: (n,) when [s], ascending.
+        q: (n, nq).
+        com: (n, 3) their centres of mass [m].
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    com: np.ndarray
+
+
+def solve_course(
     robot: Robot,
     ik: WholeBodyIK,
     schedule: Schedule,
     keys: KeyPostures,
     swings: Sequence[SwingCurve],
     monitor: ProximityMonitor,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Postures in the middle of the swings, solved afresh: what lies between two keys need not bend the knee.
+) -> Course:
+    """The key postures, and one more in the middle of each swing from contact to contact.
 
-    Returns:
-        t (n,) [s] and q (n, nq), one for each end effector that moves from contact to contact.
+    The latter is solved afresh: what lies between two keys need not bend the knee, nor reach as far as the CoM.
     """
     moves = [k for k in range(len(swings)) if schedule.kind(k) == MOVE]
-    num_effectors = schedule.stance_contact.shape[1]
-    X_WE = np.tile(np.eye(4), (len(moves), num_effectors, 1, 1))
-    place, com = np.zeros((len(moves), num_effectors)), np.zeros((len(moves), 3))
-    t, q = np.zeros(len(moves)), np.zeros((len(moves), len(robot.q_nominal)))
+    if not moves:
+        return Course(schedule.boundaries, keys.q, keys.com)
+    num, num_effectors = len(moves), schedule.stance_contact.shape[1]
+    X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
+    place, com = np.zeros((num, num_effectors)), np.zeros((num, 3))
+    t, q = np.zeros(num), np.zeros((num, len(robot.q_nominal)))
     for i, k in enumerate(moves):
         phase = schedule.phases[2 * k + 1]
         t[i] = phase.start + HALFWAY * (phase.end - phase.start)
@@ -167,14 +185,15 @@ def solve_swing_postures(
     tree = ik.kinematics.tree
     turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
     targets = TrackingTargets(
-        X_WE, place, turn, com, np.full((len(moves), 3), COM), q, posture_weight(len(tree.lower)),
+        X_WE, place, turn, com, np.full((num, 3), COM), q, posture_weight(len(tree.lower)),
         tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
     )  # fmt: skip
-    if not moves:
-        return t, q
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    placed = np.where(place > 0.0, 0, -1)
-    return t, _apart(tree, monitor, targets, answer, placed).q
+    q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1)).q
+    key_t = np.concatenate([schedule.boundaries, t])
+    order = np.argsort(key_t)
+    all_com = np.concatenate([keys.com, [ik.kinematics.com(x) for x in q]])
+    return Course(key_t[order], np.concatenate([keys.q, q])[order], all_com[order])
 
 
 def _apart(

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drakeplan.dynamics import BOX, centroidal_options, com_course, relaxed, solve_dynamics
+from drakeplan.dynamics import BOX, centroidal_options, relaxed, solve_dynamics
 from drakeplan.encounters import ProximityMonitor
 from drakeplan.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion_check import Problem, velocities
@@ -30,7 +30,7 @@ from scenes.robot import Robot
 from scenes.stance import Stance
 from scenes.terrain import Terrain
 
-MAX_STRETCH = 2.5  # times a speed limit up to which a phase is made longer; more is a jump that time does not mend
+MAX_STRETCH = 5.0  # times its limit up to which a speed or jerk gets more time; a jump would not be mended by that
 
 
 @dataclass(frozen=True)
@@ -156,17 +156,17 @@ class MotionMaker:
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
         keys = solve_key_postures(self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor)
         failed = sorted({max(b - 1, 0) // 2 for b in keys.failures()})
-        trajectory = None
-        reason = "no posture for " + ", ".join(f"transition {k}" for k in failed) if failed else ""
-        if not failed:
-            course = com_course(schedule, keys.com, schedule.times(self.options.dt))
-            trajectory, reason = self._dynamics(schedule, course)
-        timings["dynamics_s"] += time.perf_counter() - began
-        if trajectory is None:
+        if failed:
+            timings["dynamics_s"] += time.perf_counter() - began
+            reason = "no posture for " + ", ".join(f"transition {k}" for k in failed)
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
+        frames = MotionFrames(self.setting, schedule, keys, lambda course, box: self._dynamics(schedule, course, box))
+        reason = frames.solve_dynamics(schedule.times(self.options.dt))
+        timings["dynamics_s"] += time.perf_counter() - began
+        if frames.trajectory is None:
+            return MotionResult(False, reason, (), schedule, timings=timings)
         tell(ProgressEvent("motion", f"{schedule.duration:.1f} s at {self.options.rate} Hz"))
-        began = time.perf_counter()
-        frames = MotionFrames(self.setting, schedule, keys, trajectory, lambda *args: self._dynamics(*args)[0])
+        began, frames.dynamics_s = time.perf_counter(), 0.0
         problems = frames.run(self.options.rounds)
         timings["dynamics_s"] += frames.dynamics_s
         timings["motion_s"] += time.perf_counter() - began - frames.dynamics_s
@@ -188,12 +188,13 @@ class MotionMaker:
         )
 
     def _dynamics(
-        self, schedule: Schedule, reference: np.ndarray, box: np.ndarray | None = None
+        self, schedule: Schedule, reference: np.ndarray, box: np.ndarray | None
     ) -> tuple[CentroidalTrajectory | None, str]:
-        """A feasible trajectory near the reference; the pull and the box give way where there is none."""
-        options = centroidal_options(self.robot, self.options.cone, self.options.dt)
-        tries = [(options, BOX if box is None else box)]
-        tries += [(relaxed(options, 0.2), np.multiply(2.0, tries[0][1])), (relaxed(options, 0.05), (np.inf,) * 3)]
+        """A feasible trajectory near the reference; without a box to keep, the pull gives way where there is none."""
+        usual = centroidal_options(self.robot, self.options.cone, self.options.dt)
+        tries = [(usual, np.array(BOX) if box is None else box)]
+        if box is None:
+            tries += [(relaxed(usual, 0.2), 2.0 * np.array(BOX)), (relaxed(usual, 0.05), np.full(3, np.inf))]
         reason = ""
         for options, half in tries:
             estimate = solve_dynamics(self.robot, schedule, options, reference, box=half)
@@ -211,13 +212,13 @@ class MotionMaker:
             if result.failed_transitions or not len(shift):
                 return None
             return self._on_grid(1.4 * shift), self._on_grid(1.2 * swing)
-        fast = [p for p in result.problems if p.kind == "speed"]
-        if not fast or len(fast) < len(result.problems) or max(p.value for p in fast) > MAX_STRETCH:
+        fast = [p for p in result.problems if p.kind in ("speed", "jerk")]
+        if not fast or len(fast) < len(result.problems) or max(p.value / p.limit for p in fast) > MAX_STRETCH:
             return None
         for p in fast:
             phase = schedule.phases[int(schedule.phase_at(np.array([p.time]))[0])]
             durations = shift if phase.mover is None else swing
-            durations[p.transition] *= 1.1 * p.value
+            durations[min(p.transition, len(durations) - 1)] *= 1.1 * np.sqrt(p.value / p.limit)
         return self._on_grid(shift), self._on_grid(swing)
 
     def _on_grid(self, durations: np.ndarray) -> np.ndarray:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drakeplan.dynamics import BOX
+from drakeplan.dynamics import BOX, through
 from drakeplan.encounters import Encounters, ProximityMonitor, joined
-from drakeplan.key_postures import KeyPostures, posture_weight, solve_swing_postures
+from drakeplan.key_postures import KeyPostures, posture_weight, solve_course
 from drakeplan.motion_check import Problem, find_problems
 from drakeplan.motion_targets import (
     FAINT,
@@ -35,13 +35,14 @@ SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most
 CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
 SMOOTHINGS = 3  # of the whole motion, each followed by another look for collisions
-SMEAR, MOST_SMEAR = 0.04, 0.09  # [s] standard deviation of smoothing, at first and at most
-FAITHFUL = 10.0  # how much harder than the usual posture the smoothed one is held to
+SMEAR = 0.04  # [s] standard deviation of smoothing
+FAITHFUL, FIRM_COM = 10.0, 40.0  # how much harder than usual the smoothed posture is held to; the CoM's weight then
 WINDOW = 15  # frames before and after a collision that take part in moving out of its way
-COM_FEEDBACK, NEAR_FEEDBACK = 0.010, 10  # [m] a CoM this far off goes back to the dynamics, with frames around it
+COM_FEEDBACK, NEAR_FEEDBACK = 0.008, 0.3  # [m, s] a CoM this far off goes back to the dynamics, with what is near it
+TIGHTER, LEAST_BOX = 0.3, 0.004  # how the CoM's bounds shrink there each time, and the least of them [m]
 HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
 
-Redo = Callable[[Schedule, np.ndarray, np.ndarray], CentroidalTrajectory | None]
+Solve = Callable[[np.ndarray, np.ndarray | None], tuple[CentroidalTrajectory | None, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,26 +70,35 @@ class MotionFrames:
     """Makes the frames of one motion.
 
     Attributes:
-        trajectory: the momentum trajectory that the motion follows; it may change on the way.
+        trajectory: the momentum trajectory that the motion follows, None where there is none.
         t: (T,) [s].
         q: (T, nq) the motion.
-        dynamics_s: time that was spent in the dynamics meanwhile [s].
+        dynamics_s: time that was spent in the dynamics [s].
     """
 
-    def __init__(
-        self, setting: Setting, schedule: Schedule, keys: KeyPostures, trajectory: CentroidalTrajectory, redo: Redo
-    ) -> None:
-        """`redo` solves the dynamics again near a reference (N, 3) within half widths (N, 3), None where it cannot."""
-        self.setting, self.schedule, self.keys, self.trajectory = setting, schedule, keys, trajectory
+    def __init__(self, setting: Setting, schedule: Schedule, keys: KeyPostures, solve: Solve) -> None:
+        """`solve` finds momenta near a CoM reference (N, 3), within half widths (N, 3) or as near as it can."""
+        self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)
+        self.trajectory: CentroidalTrajectory | None = None
         self.dynamics_s = 0.0
-        self._redo = redo
+        self._solve = solve
         self._held = schedule.contact_at(self.t) >= 0
         self._room = contact_room(schedule, self.t)
         self._detours: dict[int, Detour] = {}
         self._free: np.ndarray | None = None
-        self._apart, self._smear = APART, SMEAR
+        self._apart = APART
+        self._bound = False
+        self._plan_course()
+
+    def solve_dynamics(self, knots: np.ndarray) -> str:
+        """Momenta along the course at these times (N,); the reason where there are none, else ""."""
+        self._box = np.tile(BOX, (len(knots), 1))
+        began = time.perf_counter()
+        self.trajectory, reason = self._solve(through(self._course.t, self._course.com, knots), None)
+        self.dynamics_s += time.perf_counter() - began
+        return reason
 
     @property
     def q(self) -> np.ndarray:
@@ -100,7 +110,7 @@ class MotionFrames:
         self._retarget()
         self._answer = self._track(np.repeat(self.keys.q[:1], len(self.t), axis=0), chained=True)
         self._guide_palms()
-        best: tuple[int, CentroidalTrajectory, TrackedPostures, list[Problem]] | None = None
+        best: tuple[int, CentroidalTrajectory | None, TrackedPostures, list[Problem]] | None = None
         for _ in range(rounds):
             self._look()
             self._keep_apart(CLOSE)
@@ -115,23 +125,27 @@ class MotionFrames:
                 best = (len(problems), self.trajectory, self._answer, problems)
             if not problems or not self._try_harder(problems):
                 break
-            self._retarget()
-            self._answer = self._track(self.q)
+            self._restart()
         _, self.trajectory, self._answer, problems = best
         return problems
 
+    def _restart(self) -> None:
+        """New targets for all frames, from the postures that keys give, not from where the last round went."""
+        self._retarget()
+        self._answer = self._track(np.repeat(self.keys.q[:1], len(self.t), axis=0), chained=True)
+
     # ---- what the frames should do
 
-    def _retarget(self) -> None:
+    def _plan_course(self) -> None:
         setting = self.setting
         self._swings = plan_swings(setting.robot, setting.packed, self.schedule, self._detours, setting.clearance)
-        com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
-        swing_t, swing_q = solve_swing_postures(
+        self._course = solve_course(
             setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor
         )
-        key_t = np.concatenate([self.schedule.boundaries, swing_t])
-        order = np.argsort(key_t)
-        q_ref = posture_reference(key_t[order], np.concatenate([self.keys.q, swing_q])[order], self.t)
+
+    def _retarget(self) -> None:
+        com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
+        q_ref = posture_reference(self._course, self.t)
         self._targets = motion_targets(self.tree, self.schedule, self._swings, q_ref, com, self.t)
         self._aim()
 
@@ -160,11 +174,11 @@ class MotionFrames:
     def _smooth(self) -> None:
         """Takes out what jerks: every frame once more, near the smoothed motion as far as contacts and CoM allow."""
         _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
-        q = smoothed(self.q, self._smear * self.setting.rate)
+        q = smoothed(self.q, SMEAR * self.setting.rate)
         faithful = FAITHFUL * posture_weight(len(self.tree.lower))
         self._targets = replace(
             self._targets, q_ref=q, posture_weight=faithful, place_weight=weight[:, :, 0],
-            turn_weight=weight[:, :, 1],
+            turn_weight=weight[:, :, 1], com_weight=np.full((len(self.t), 3), FIRM_COM),
         )  # fmt: skip
         self._answer = self._track(q)
         self._look()
@@ -221,29 +235,29 @@ class MotionFrames:
     # ---- what is left
 
     def _feed_back(self) -> bool:
-        """Gives the dynamics the CoM that the legs can follow; False where they follow."""
+        """Binds the dynamics to the course's CoM where the legs cannot follow; False where they follow or it cannot."""
         error = np.linalg.norm(self._answer.com_error, axis=1)
         if error.max() < COM_FEEDBACK:
             return False
         began = time.perf_counter()
-        frame = np.round(self.trajectory.t * self.setting.rate).astype(int)
-        reached = self._targets.com[frame] + self._answer.com_error[frame]
-        off = np.array([error[max(f - NEAR_FEEDBACK, 0) : f + NEAR_FEEDBACK + 1].max() for f in frame])
-        near = (off > 0.5 * COM_FEEDBACK)[:, None]
-        reference = np.where(near, reached, self.trajectory.com)
-        trajectory = self._redo(self.schedule, reference, np.where(near, [0.02, 0.02, 0.01], BOX))
+        knots = self.trajectory.t
+        frame = np.round(knots * self.setting.rate).astype(int)
+        around = round(NEAR_FEEDBACK * self.setting.rate)
+        off = np.array([error[max(f - around, 0) : f + around + 1].max() for f in frame])
+        box = np.where((off > 0.5 * COM_FEEDBACK)[:, None], np.maximum(TIGHTER * self._box, LEAST_BOX), self._box)
+        trajectory, _ = self._solve(through(self._course.t, self._course.com, knots), box)
         self.dynamics_s += time.perf_counter() - began
+        self._bound = trajectory is None
         if trajectory is None:
             return False
-        self.trajectory = trajectory
-        self._retarget()
-        self._answer = self._track(self.q)
+        self.trajectory, self._box = trajectory, box
+        self._restart()
         self._look()
         return True
 
     def _try_harder(self, problems: Sequence[Problem]) -> bool:
-        """Gives the next round more distance, more smoothing or other swings; False where nothing is left to try."""
-        before = (self._apart, self._smear, dict(self._detours))
+        """Gives the next round more distance or other swings, or a tighter CoM; False where nothing is left to try."""
+        before, detours = self._apart, dict(self._detours)
         for p in problems:
             if p.kind == "sole collision":
                 detour = self._detours.get(p.transition, Detour())
@@ -251,9 +265,10 @@ class MotionFrames:
                     self._detours[p.transition] = Detour(detour.raised + HIGHER, detour.pushed + WIDER)
             elif p.kind.endswith("collision"):
                 self._apart = min(self._apart + 0.015, MOST_APART)
-            elif p.kind in ("jerk", "speed"):
-                self._smear = min(1.5 * self._smear, MOST_SMEAR)
-        return before != (self._apart, self._smear, self._detours)
+        if detours != self._detours:
+            self._plan_course()
+        off = any(p.kind in ("com", "held") for p in problems) and not self._bound
+        return before != self._apart or detours != self._detours or off
 
     def _problems(self) -> list[Problem]:
         com = np.stack([np.interp(self.t, self.trajectory.t, self.trajectory.com[:, i]) for i in range(3)], axis=1)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from drakeplan.key_postures import COM, HOLD, posture_weight
+from drakeplan.dynamics import through
+from drakeplan.key_postures import COM, HOLD, Course, posture_weight
 from drakeplan.phases import BREAK, MAKE, MOVE, Schedule
 from drakeplan.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
 from optimization.kinematic_tree import KinematicTree
@@ -126,21 +127,15 @@ def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray, around: np
     return X
 
 
-def posture_reference(key_t: np.ndarray, key_q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(T, nq) smooth course through the key postures (n, nq) at key_t (n,), at rest at both ends, without overshoot."""
-    q = np.array(key_q)
+def posture_reference(course: Course, t: np.ndarray) -> np.ndarray:
+    """(T, nq) smooth way through the postures of a course, at rest at both ends, without overshoot."""
+    q = np.array(course.q)
     for b in range(1, len(q)):
         if q[b, :4] @ q[b - 1, :4] < 0.0:
             q[b, :4] *= -1.0
-    slope = np.zeros_like(q)
-    secant = np.diff(q, axis=0) / np.diff(key_t)[:, None]
-    before, after = secant[:-1], secant[1:]
-    # Harmonic mean where both neighbours go the same way, rest at turning points (Fritsch & Butland 1984).
-    same = before * after > 0.0
-    slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
-    course = CubicHermiteSpline(key_t, q, slope)(t)
-    course[:, :4] /= np.linalg.norm(course[:, :4], axis=1, keepdims=True)
-    return course
+    q = through(course.t, q, t)
+    q[:, :4] /= np.linalg.norm(q[:, :4], axis=1, keepdims=True)
+    return q
 
 
 def smoothed(q: np.ndarray, frames: float) -> np.ndarray:
