@@ -17,7 +17,6 @@ from drakeplan.motion_targets import (
     Detour,
     contact_room,
     effector_targets,
-    frame_of,
     motion_targets,
     plan_swings,
     posture_reference,
@@ -26,7 +25,7 @@ from drakeplan.motion_targets import (
 )
 from drakeplan.phases import MOVE, Schedule
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.posture_tracking import TrackedPostures, track_postures
+from optimization.posture_tracking import TrackedPostures, frame_targets, track_postures
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import PackedTerrain
 from scenes.robot import Robot
@@ -215,7 +214,7 @@ class MotionFrames:
     def _away(self, f: int, q: np.ndarray) -> np.ndarray:
         """(nq,) frame f solved from q with the pairs apart that are near there."""
         q[:4] /= np.linalg.norm(q[:4])
-        targets = frame_of(self._targets, f)
+        targets = frame_targets(self._targets, f)
         for _ in range(2):
             met = self.setting.monitor.near(q[None], [0], SEEN)
             wanted = self._wanted(replace(met, frame=np.full(len(met), f)))

@@ -177,15 +177,6 @@ def motion_targets(
     )
 
 
-def frame_of(targets: TrackingTargets, f: int) -> TrackingTargets:
-    """The targets of frame f alone, without distances to keep."""
-    one = slice(f, f + 1)
-    return TrackingTargets(
-        targets.X_WE[one], targets.place_weight[one], targets.turn_weight[one], targets.com[one],
-        targets.com_weight[one], targets.q_ref[one], targets.posture_weight, targets.lower, targets.upper,
-    )  # fmt: skip
-
-
 def contact_room(schedule: Schedule, t: np.ndarray) -> np.ndarray:
     """(T, E) share of the usual distance to the terrain that each end effector can keep: 0 while it is in contact."""
     held = schedule.contact_at(t) >= 0

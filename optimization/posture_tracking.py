@@ -92,6 +92,15 @@ class TrackingTargets:
     rows: DistanceRows = field(default_factory=lambda: no_rows(0))
 
 
+def frame_targets(targets: TrackingTargets, f: int) -> TrackingTargets:
+    """The targets of frame f alone, without distances to keep."""
+    one = slice(f, f + 1)
+    return TrackingTargets(
+        targets.X_WE[one], targets.place_weight[one], targets.turn_weight[one], targets.com[one],
+        targets.com_weight[one], targets.q_ref[one], targets.posture_weight, targets.lower, targets.upper,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class TrackedPostures:
     """Answer of `track_postures`.
