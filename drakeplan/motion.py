@@ -155,7 +155,8 @@ class MotionMaker:
         began = time.perf_counter()
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
         keys = solve_key_postures(self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor)
-        failed = sorted({max(b - 1, 0) // 2 for b in keys.failures()})
+        last = max(len(schedule.stances) - 2, 0)
+        failed = sorted({min(max(b - 1, 0) // 2, last) for b in keys.failures()})
         if failed:
             timings["dynamics_s"] += time.perf_counter() - began
             reason = "no posture for " + ", ".join(f"transition {k}" for k in failed)
