@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId
+from pydrake.geometry import GeometryId, QueryObject
 
 from optimization.kinematics import Kinematics
 from optimization.posture_tracking import DistanceRows
@@ -44,9 +44,31 @@ class Encounters:
 
     def where(self, keep: np.ndarray) -> Encounters:
         """Those that the mask (R,) keeps."""
-        bodies = tuple(b for b, k in zip(self.bodies, keep, strict=True) if k)
-        arrays = (self.frame, self.distance, self.link, self.point, self.normal, self.effector)
-        return Encounters(*(a[keep] for a in arrays), bodies)
+        return self._picked(np.flatnonzero(keep))
+
+    def joined(self, other: Encounters) -> Encounters:
+        """Both, sorted by frame."""
+        both = Encounters(
+            np.concatenate([self.frame, other.frame]),
+            np.concatenate([self.distance, other.distance]),
+            np.concatenate([self.link, other.link]),
+            np.concatenate([self.point, other.point]),
+            np.concatenate([self.normal, other.normal]),
+            np.concatenate([self.effector, other.effector]),
+            self.bodies + other.bodies,
+        )
+        return both._picked(np.argsort(both.frame, kind="stable"))
+
+    def _picked(self, order: np.ndarray) -> Encounters:
+        return Encounters(
+            self.frame[order],
+            self.distance[order],
+            self.link[order],
+            self.point[order],
+            self.normal[order],
+            self.effector[order],
+            tuple(self.bodies[i] for i in order),
+        )
 
     @property
     def with_terrain(self) -> np.ndarray:
@@ -99,7 +121,7 @@ class ProximityMonitor:
         frame, gap, link, point, normal, effector, bodies = [], [], [], [], [], [], []
         for t in frames:
             self._plant.SetPositions(self._plant_context, q[t])
-            query = self._scene_graph.get_query_output_port().Eval(self._query_context)
+            query: QueryObject = self._scene_graph.get_query_output_port().Eval(self._query_context)  # type: ignore
             for pair in query.ComputeSignedDistancePairwiseClosestPoints(distance):
                 a, b = self._home[pair.id_A], self._home[pair.id_B]
                 frame.append(t)
@@ -120,12 +142,3 @@ class ProximityMonitor:
             tuple(bodies),
         )
 
-
-def joined(first: Encounters, second: Encounters) -> Encounters:
-    """Both, sorted by frame."""
-    frame = np.concatenate([first.frame, second.frame])
-    order = np.argsort(frame, kind="stable")
-    names = ("distance", "link", "point", "normal", "effector")
-    arrays = [np.concatenate([getattr(first, n), getattr(second, n)])[order] for n in names]
-    bodies = first.bodies + second.bodies
-    return Encounters(frame[order], *arrays, tuple(bodies[i] for i in order))

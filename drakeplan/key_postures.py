@@ -15,7 +15,7 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
-from drakeplan.encounters import KEEP, Encounters, ProximityMonitor, joined
+from drakeplan.encounters import KEEP, Encounters, ProximityMonitor
 from drakeplan.phases import MOVE, Schedule
 from drakeplan.swing import SwingCurve
 from optimization.friction import cone_generators
@@ -31,7 +31,7 @@ MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less wh
 MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that
 MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
-KNEE_SLACK = 0.03  # [rad] of every joint's range that key postures leave unused, so that the motion has some
+KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
 HALFWAY = 0.45  # share of a swing at which its middle posture is taken
@@ -179,8 +179,7 @@ def solve_course(
             if c >= 0:
                 X_WE[i, e], place[i, e] = schedule.contacts[c].X_WC, HOLD
         X_WE[i, phase.mover], place[i, phase.mover] = swings[k].poses(np.array([HALFWAY]))[0], FLY[0]
-        before, after = (_stand(schedule, schedule.stance_contact[j]) for j in (k, k + 1))
-        feet, heading = (0.5 * (before[j] + after[j]) for j in (0, 1))
+        feet, heading = _stand(schedule, schedule.stance_contact[[k, k + 1]])
         q[i] = standing_over(robot.q_nominal, feet, heading)
     tree = ik.kinematics.tree
     turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
@@ -211,7 +210,7 @@ def _apart(
         close[legs.frame[room < reserve - 2e-3]] = True
         if not close.any():
             break
-        both = joined(met, legs)
+        both = met.joined(legs)
         stretched = np.isinf(both.distance)
         wanted = np.full(len(both), APART)
         wanted[stretched] = reserve - _lengths(tree)[both.effector[stretched]]
@@ -318,10 +317,11 @@ def _stands(schedule: Schedule, placed: np.ndarray) -> list[tuple[np.ndarray, fl
     return [_stand(schedule, row) for row in placed]
 
 
-def _stand(schedule: Schedule, row: np.ndarray) -> tuple[np.ndarray, float]:
-    left, right = schedule.contacts[row[0]], schedule.contacts[row[1]]
-    x = left.R_WC[:2, 0] + right.R_WC[:2, 0]
-    return 0.5 * (left.p_WC + right.p_WC), float(np.arctan2(x[1], x[0]))
+def _stand(schedule: Schedule, rows: np.ndarray) -> tuple[np.ndarray, float]:
+    """Mean of the feet [m] and heading [rad] of one or several rows of contacts (..., E)."""
+    feet = [schedule.contacts[c] for c in rows[..., :2].ravel()]
+    x = np.sum([c.R_WC[:2, 0] for c in feet], axis=0)
+    return np.mean([c.p_WC for c in feet], axis=0), float(np.arctan2(x[1], x[0]))
 
 
 def _targets(

@@ -136,20 +136,16 @@ class MotionMaker:
         num = len(stances) - 1
         shift, swing = np.full(num, self.options.shift), np.full(num, self.options.swing)
         timings = {"dynamics_s": 0.0, "motion_s": 0.0}
-        best: MotionResult | None = None
+        results: list[MotionResult] = []
         for _ in range(self.options.attempts):
             schedule = make_schedule(stances, shift=shift, swing=swing, rest=self.options.rest)
             result = self._attempt(schedule, timings, tell)
-            if best is None or (result.centroidal is not None, -len(result.problems)) > (
-                best.centroidal is not None,
-                -len(best.problems),
-            ):
-                best = result
+            results.append(result)
             longer = None if result.ok else self._longer(schedule, result, shift, swing)
             if longer is None:
                 break
             shift, swing = longer
-        return best
+        return min(results, key=lambda r: (r.centroidal is None, len(r.problems)))
 
     def _attempt(self, schedule: Schedule, timings: dict[str, float], tell: Progress) -> MotionResult:
         began = time.perf_counter()
@@ -164,7 +160,7 @@ class MotionMaker:
         frames = MotionFrames(self.setting, schedule, keys, lambda course, box: self._dynamics(schedule, course, box))
         reason = frames.solve_dynamics(schedule.times(self.options.dt))
         timings["dynamics_s"] += time.perf_counter() - began
-        if frames.trajectory is None:
+        if reason:
             return MotionResult(False, reason, (), schedule, timings=timings)
         tell(ProgressEvent("motion", f"{schedule.duration:.1f} s at {self.options.rate} Hz"))
         began, frames.dynamics_s = time.perf_counter(), 0.0
@@ -218,7 +214,7 @@ class MotionMaker:
             return None
         for p in fast:
             phase = schedule.phases[int(schedule.phase_at(np.array([p.time]))[0])]
-            durations = shift if phase.mover is None else swing
+            durations = shift if phase.mover < 0 else swing
             durations[min(p.transition, len(durations) - 1)] *= 1.1 * np.sqrt(p.value / p.limit)
         return self._on_grid(shift), self._on_grid(swing)
 

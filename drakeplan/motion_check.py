@@ -15,7 +15,7 @@ from optimization.posture_tracking import LEVER
 
 # The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
-JUMP = 0.18  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
+JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
 
@@ -93,7 +93,7 @@ def find_problems(
     def add(kind: str, frames: np.ndarray, values: np.ndarray, limit: float, about: Sequence[str]) -> None:
         for k in np.unique(transition[frames[values > limit]]):
             own = np.flatnonzero(transition[frames] == k)
-            worst = own[np.argmax(values[own])]
+            worst = int(own[np.argmax(values[own])])
             found.append(Problem(kind, int(k), float(t[frames[worst]]), float(values[worst]), limit, about[worst]))
 
     frames = np.arange(len(t))

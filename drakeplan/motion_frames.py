@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drakeplan.dynamics import BOX, through
-from drakeplan.encounters import Encounters, ProximityMonitor, joined
+from drakeplan.encounters import Encounters, ProximityMonitor
 from drakeplan.key_postures import KeyPostures, posture_weight, solve_course
 from drakeplan.motion_check import Problem, find_problems
 from drakeplan.motion_targets import (
@@ -69,18 +69,19 @@ class MotionFrames:
     """Makes the frames of one motion.
 
     Attributes:
-        trajectory: the momentum trajectory that the motion follows, None where there is none.
+        trajectory: the momentum trajectory that the motion follows, once `solve_dynamics` has found one.
         t: (T,) [s].
         q: (T, nq) the motion.
         dynamics_s: time that was spent in the dynamics [s].
     """
+
+    trajectory: CentroidalTrajectory
 
     def __init__(self, setting: Setting, schedule: Schedule, keys: KeyPostures, solve: Solve) -> None:
         """`solve` finds momenta near a CoM reference (N, 3), within half widths (N, 3) or as near as it can."""
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)
-        self.trajectory: CentroidalTrajectory | None = None
         self.dynamics_s = 0.0
         self._solve = solve
         self._held = schedule.contact_at(self.t) >= 0
@@ -95,8 +96,10 @@ class MotionFrames:
         """Momenta along the course at these times (N,); the reason where there are none, else ""."""
         self._box = np.tile(BOX, (len(knots), 1))
         began = time.perf_counter()
-        self.trajectory, reason = self._solve(through(self._course.t, self._course.com, knots), None)
+        trajectory, reason = self._solve(through(self._course.t, self._course.com, knots), None)
         self.dynamics_s += time.perf_counter() - began
+        if trajectory is not None:
+            self.trajectory = trajectory
         return reason
 
     @property
@@ -109,7 +112,7 @@ class MotionFrames:
         self._retarget()
         self._answer = self._track(np.repeat(self.keys.q[:1], len(self.t), axis=0), chained=True)
         self._guide_palms()
-        best: tuple[int, CentroidalTrajectory | None, TrackedPostures, list[Problem]] | None = None
+        tried: list[tuple[list[Problem], CentroidalTrajectory, TrackedPostures]] = []
         for _ in range(rounds):
             self._look()
             self._keep_apart(CLOSE)
@@ -120,12 +123,11 @@ class MotionFrames:
                 if not self._keep_apart(TOUCHING):
                     break
             problems = self._problems()
-            if best is None or len(problems) < best[0]:
-                best = (len(problems), self.trajectory, self._answer, problems)
+            tried.append((problems, self.trajectory, self._answer))
             if not problems or not self._try_harder(problems):
                 break
             self._restart()
-        _, self.trajectory, self._answer, problems = best
+        problems, self.trajectory, self._answer = min(tried, key=lambda one: len(one[0]))
         return problems
 
     def _restart(self) -> None:
@@ -190,7 +192,7 @@ class MotionFrames:
             self._met = self.setting.monitor.near(self.q, range(len(self.t)), SEEN)
         else:
             fresh = self.setting.monitor.near(self.q, np.flatnonzero(frames), SEEN)
-            self._met = joined(self._met.where(~frames[self._met.frame]), fresh)
+            self._met = self._met.where(~frames[self._met.frame]).joined(fresh)
 
     def _keep_apart(self, near: float) -> bool:
         """Moves bodies apart that are nearer than `near` [m] to each other; False where there are none.

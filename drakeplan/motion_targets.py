@@ -53,8 +53,11 @@ def plan_one_swing(
     """The curve of transition k."""
     mover = schedule.phases[2 * k + 1].mover
     before, after = schedule.stances[k].contacts[mover], schedule.stances[k + 1].contacts[mover]
-    if before is None or after is None:
-        return hover(after if before is None else before, HOVER + detour.raised)
+    at_wall = before or after
+    if at_wall is not None and (before is None or after is None):
+        return hover(at_wall, HOVER + detour.raised)
+    assert before is not None  # consecutive stances differ
+    assert after is not None
     foot = is_foot(robot.effectors[mover].name)
     return plan_swing(
         packed,

@@ -24,14 +24,14 @@ class Phase:
         start, end: [s].
         contacts: one entry per end effector: index into `Schedule.contacts`, -1 where it carries nothing.
         stance: index of the stance it belongs to; a swing phase belongs to the stance that it leaves.
-        mover: the end effector in the air, None in a stance phase.
+        mover: the end effector in the air, -1 in a stance phase.
     """
 
     start: float
     end: float
     contacts: tuple[int, ...]
     stance: int
-    mover: int | None = None
+    mover: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +93,13 @@ class Schedule:
 def make_schedule(
     stances: Sequence[Stance],
     *,
-    shift: float | Sequence[float] = 1.0,
-    swing: float | Sequence[float] = 1.0,
+    shift: float | np.ndarray = 1.0,
+    swing: float | np.ndarray = 1.0,
     rest: float = 1.0,
 ) -> Schedule:
     """Lays a contact sequence out in time: shift the CoM over all contacts, then move one end effector.
 
-    Lin 2020 sec. 6.7 gives both a second; one number holds for every transition, a sequence has one per transition.
+    Lin 2020 sec. 6.7 gives both a second; one number holds for every transition, an array (S - 1,) has one for each.
 
     Args:
         stances: at least one; consecutive ones differ in one end effector.

@@ -305,7 +305,7 @@ def _meets(
         for a in range(3):
             if packed.low[k, a] > p[a] + reach or packed.high[k, a] < p[a] - reach:
                 apart = True
-        if not apart and polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
+        if not apart and polygon_meets_box(packed.vertices[k], int(packed.count[k]), R, p, low, high, work):
             return True
     hit = False
     for k in range(blocks.shape[0]):

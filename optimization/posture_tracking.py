@@ -56,6 +56,29 @@ class DistanceRows(NamedTuple):
     weight: np.ndarray
 
 
+class _Frame(NamedTuple):
+    """What one frame should do; see `TrackingTargets`. Rows `first` to `last` - 1 of the distances are its own."""
+
+    X_WE: np.ndarray
+    effector_weight: np.ndarray
+    com: np.ndarray
+    com_weight: np.ndarray
+    q_ref: np.ndarray
+    posture_weight: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    rows: DistanceRows
+    first: int
+    last: int
+
+
+class _Errors(NamedTuple):
+    """What is left of one frame's tasks: effector (E,) [m] and com (3,) [m], written by the solver."""
+
+    effector: np.ndarray
+    com: np.ndarray
+
+
 def no_rows(num_frames: int) -> DistanceRows:
     """No pair to keep apart in any frame."""
     start = np.zeros(num_frames + 1, np.int64)
@@ -139,27 +162,30 @@ def track_postures(
     q = np.array(q, dtype=float)
     T, E = targets.place_weight.shape
     rows = targets.rows if len(targets.rows.start) == T + 1 else no_rows(T)
-    effector_error, com_error, iterations = np.zeros((T, E)), np.zeros((T, 3)), np.zeros(T, np.int64)
-    _track(
-        tree,
-        np.ascontiguousarray(targets.X_WE, dtype=float),
-        np.ascontiguousarray(np.stack([targets.place_weight, targets.turn_weight], axis=2), dtype=float),
-        np.ascontiguousarray(targets.com, dtype=float),
-        np.ascontiguousarray(targets.com_weight, dtype=float),
-        np.ascontiguousarray(targets.q_ref, dtype=float),
-        np.ascontiguousarray(targets.posture_weight, dtype=float),
-        np.ascontiguousarray(targets.lower, dtype=float),
-        np.ascontiguousarray(targets.upper, dtype=float),
+    answer = TrackedPostures(q, np.zeros((T, E)), np.zeros((T, 3)), np.zeros(T, np.int64))
+    weight = np.stack([targets.place_weight, targets.turn_weight], axis=2)
+    all_frames = _Frame(
+        _packed(targets.X_WE),
+        _packed(weight),
+        _packed(targets.com),
+        _packed(targets.com_weight),
+        _packed(targets.q_ref),
+        _packed(targets.posture_weight),
+        _packed(targets.lower),
+        _packed(targets.upper),
         rows,
-        np.ones(T, np.bool_) if solve is None else np.asarray(solve, dtype=np.bool_),
-        chained,
-        max_iterations,
-        q,
-        effector_error,
-        com_error,
-        iterations,
+        0,
+        0,
     )
-    return TrackedPostures(q, effector_error, com_error, iterations)
+    chosen = np.ones(T, np.bool_) if solve is None else np.asarray(solve, dtype=np.bool_)
+    _track(
+        tree, all_frames, chosen, chained, max_iterations, q, answer.effector_error, answer.com_error, answer.iterations
+    )
+    return answer
+
+
+def _packed(array: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(array, dtype=float)
 
 
 @njit(cache=True)
@@ -199,118 +225,138 @@ def _pair_distance(
 
 
 @njit(cache=True)
-def _normal_equations(
-    tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, first, last, H, g,
-    effector_error, com_error,
+def _add_effectors(
+    tree: KinematicTree, frame: _Frame, R: np.ndarray, p: np.ndarray, row: np.ndarray, columns: np.ndarray,
+    H: np.ndarray, g: np.ndarray, error: np.ndarray,
 ) -> None:  # fmt: skip
-    """Gauss-Newton's H (upper triangle) and g at q, the slacks of the distances last, and the errors there."""
-    nv = posture_weight.shape[0]
-    H[:] = 0.0
-    g[:] = 0.0
-    J, Jc, row = np.empty((6, nv)), np.zeros((3, nv)), np.zeros(g.shape[0])
-    R_WE, p_WE, turn, c = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    columns = np.empty(g.shape[0], np.int64)
-    for e in range(effector_weight.shape[0]):
-        w, u = effector_weight[e, 0], effector_weight[e, 1]
-        effector_error[e] = 0.0
+    """Position and orientation of every end effector that has a weight."""
+    nv = frame.posture_weight.shape[0]
+    J, R_WE, p_WE, turn = np.empty((6, nv)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    for e in range(frame.effector_weight.shape[0]):
+        w, u = frame.effector_weight[e, 0], frame.effector_weight[e, 1]
+        error[e] = 0.0
         if w <= 0.0:
             continue
         frame_pose(tree, R, p, e, R_WE, p_WE)
-        angle = rotation_error(R_WE, X_WE[e, :3, :3], turn)
+        angle = rotation_error(R_WE, frame.X_WE[e, :3, :3], turn)
         frame_jacobian(tree, R, p, e, J)
         away = 0.0
         for a in range(3):
-            away += (X_WE[e, a, 3] - p_WE[a]) ** 2
+            gap = frame.X_WE[e, a, 3] - p_WE[a]
+            away += gap * gap
             for i in range(nv):
                 row[i] = u * J[a, i]
             _add_row(H, g, row, u * turn[a], columns)
             for i in range(nv):
                 row[i] = w * J[3 + a, i]
-            _add_row(H, g, row, w * (X_WE[e, a, 3] - p_WE[a]), columns)
-        effector_error[e] = np.sqrt(away + (LEVER * angle) ** 2)
-    com_jacobian(tree, R, p, c, Jc)
-    for a in range(3):
-        com_error[a] = c[a] - com[a]
-        if com_weight[a] > 0.0:
-            for i in range(nv):
-                row[i] = com_weight[a] * Jc[a, i]
-            _add_row(H, g, row, -com_weight[a] * com_error[a], columns)
-    difference(q, q_ref, row)
-    for i in range(nv):
-        H[i, i] += posture_weight[i] ** 2 + DAMPING
-        g[i] += posture_weight[i] ** 2 * row[i]
-    at = np.empty((2, 3))
-    for r in range(first, last):
-        # An inequality d + J v >= wanted as the equality d + J v - slack = wanted, slack >= 0, in the least-squares sense.
+            _add_row(H, g, row, w * gap, columns)
+        error[e] = np.sqrt(away + (LEVER * angle) ** 2)
+
+
+@njit(cache=True)
+def _add_distances(
+    tree: KinematicTree, frame: _Frame, R: np.ndarray, p: np.ndarray, row: np.ndarray, columns: np.ndarray,
+    H: np.ndarray, g: np.ndarray,
+) -> None:  # fmt: skip
+    """Inequalities d + J v >= wanted as equalities d + J v - slack = wanted, slack >= 0, in the least-squares sense."""
+    nv = frame.posture_weight.shape[0]
+    J, at, rows = np.empty((6, nv)), np.empty((2, 3)), frame.rows
+    for r in range(frame.first, frame.last):
         d = _pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
-        row[:] = 0.0
         w = rows.weight[r]
-        row[nv + r - first] = -w
+        row[:] = 0.0
+        row[nv + r - frame.first] = -w
         for s in range(2):
             if rows.link[r, s] < 0:
                 continue
             point_jacobian(tree, R, p, rows.link[r, s], at[s, 0], at[s, 1], at[s, 2], J)
+            sign = w if s == 0 else -w
             for i in range(nv):
                 for a in range(3):
-                    row[i] += (1.0 if s == 0 else -1.0) * w * rows.normal[r, a] * J[3 + a, i]
+                    row[i] += sign * rows.normal[r, a] * J[3 + a, i]
         _add_row(H, g, row, w * (rows.wanted[r] - d), columns)
 
 
 @njit(cache=True)
-def _solve_frame(
-    tree, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, lower, upper, rows, first, last,
-    max_iterations, effector_error, com_error,
-) -> int:  # fmt: skip
+def _normal_equations(
+    tree: KinematicTree, frame: _Frame, R: np.ndarray, p: np.ndarray, q: np.ndarray, H: np.ndarray, g: np.ndarray,
+    errors: _Errors,
+) -> None:  # fmt: skip
+    """Gauss-Newton's H (upper triangle) and g at q, the slacks of the distances last, and the errors there."""
+    nv = frame.posture_weight.shape[0]
+    H[:] = 0.0
+    g[:] = 0.0
+    row, columns = np.zeros(g.shape[0]), np.empty(g.shape[0], np.int64)
+    _add_effectors(tree, frame, R, p, row, columns, H, g, errors.effector)
+    J, com = np.zeros((3, nv)), np.empty(3)
+    com_jacobian(tree, R, p, com, J)
+    for a in range(3):
+        errors.com[a] = com[a] - frame.com[a]
+        w = frame.com_weight[a]
+        if w > 0.0:
+            for i in range(nv):
+                row[i] = w * J[a, i]
+            _add_row(H, g, row, -w * errors.com[a], columns)
+    difference(q, frame.q_ref, row)
+    for i in range(nv):
+        H[i, i] += frame.posture_weight[i] ** 2 + DAMPING
+        g[i] += frame.posture_weight[i] ** 2 * row[i]
+    _add_distances(tree, frame, R, p, row, columns, H, g)
+
+
+@njit(cache=True)
+def _solve_frame(tree: KinematicTree, frame: _Frame, q: np.ndarray, max_iterations: int, errors: _Errors) -> int:
     """Gauss-Newton from q, in place; returns the steps taken. Errors are those before the last, converged step."""
-    nv = posture_weight.shape[0]
-    n = tree.parent.shape[0]
+    nv, n = frame.posture_weight.shape[0], tree.parent.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    m = nv + last - first  # a slack for each distance
+    m = nv + frame.last - frame.first  # a slack for each distance
     H, g, dv = np.empty((m, m)), np.empty(m), np.zeros(m)
     low, high, side = np.zeros(m), np.full(m, np.inf), np.zeros(m, np.int64)
     for it in range(max_iterations + 1):
         forward(tree, q, R, p)
-        _normal_equations(
-            tree, R, p, q, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, rows, first, last,
-            H, g, effector_error, com_error,
-        )  # fmt: skip
+        _normal_equations(tree, frame, R, p, q, H, g, errors)
         if it == max_iterations:
             return it
         for i in range(nv):
             low[i], high[i] = -STEP, STEP
             if i >= 6:
-                low[i] = min(max(low[i], lower[i - 6] - q[i + 1]), STEP)
-                high[i] = max(min(high[i], upper[i - 6] - q[i + 1]), low[i])
+                low[i] = min(max(low[i], frame.lower[i - 6] - q[i + 1]), STEP)
+                high[i] = max(min(high[i], frame.upper[i - 6] - q[i + 1]), low[i])
         if solve_box_qp(H, g, low, high, m, side, dv, 80) < 0:
             side[:] = 0
         integrate(q, dv, 1.0, q)
         biggest = 0.0
         for i in range(nv):
             biggest = max(biggest, abs(dv[i]))
-            if i >= 6:
-                q[i + 1] = min(max(q[i + 1], lower[i - 6]), upper[i - 6])
+        _clamp(q, frame.lower, frame.upper)
         if biggest < CONVERGED:
             return it + 1
     return max_iterations
 
 
 @njit(cache=True)
+def _clamp(q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    """Puts the joints of q within their limits."""
+    for i in range(lower.shape[0]):
+        q[7 + i] = min(max(q[7 + i], lower[i]), upper[i])
+
+
+@njit(cache=True)
 def _track(
-    tree, X_WE, effector_weight, com, com_weight, q_ref, posture_weight, lower, upper, rows, solve, chained,
-    max_iterations, q, effector_error, com_error, iterations,
+    tree: KinematicTree, frames: _Frame, solve: np.ndarray, chained: bool, max_iterations: int, q: np.ndarray,
+    effector_error: np.ndarray, com_error: np.ndarray, iterations: np.ndarray,
 ) -> None:  # fmt: skip
-    nv = posture_weight.shape[0]
-    ahead = np.empty(nv)
+    """All frames; the fields of `frames` have one more dimension in front, but for the weights and limits of joints."""
+    ahead = np.empty(frames.posture_weight.shape[0])
     for t in range(q.shape[0]):
-        steps = 0
-        if solve[t]:
-            steps = max_iterations
-            if chained and t > 0:
-                difference(q_ref[t - 1], q_ref[t], ahead)
-                integrate(q[t - 1], ahead, 1.0, q[t])
-                for i in range(6, nv):
-                    q[t, i + 1] = min(max(q[t, i + 1], lower[i - 6]), upper[i - 6])
-        iterations[t] = _solve_frame(
-            tree, q[t], X_WE[t], effector_weight[t], com[t], com_weight[t], q_ref[t], posture_weight, lower, upper,
-            rows, rows.start[t], rows.start[t + 1], steps, effector_error[t], com_error[t],
+        if solve[t] and chained and t > 0:
+            difference(frames.q_ref[t - 1], frames.q_ref[t], ahead)
+            integrate(q[t - 1], ahead, 1.0, q[t])
+            _clamp(q[t], frames.lower, frames.upper)
+        frame = _Frame(
+            frames.X_WE[t], frames.effector_weight[t], frames.com[t], frames.com_weight[t], frames.q_ref[t],
+            frames.posture_weight, frames.lower, frames.upper, frames.rows, frames.rows.start[t],
+            frames.rows.start[t + 1],
         )  # fmt: skip
+        errors = _Errors(effector_error[t], com_error[t])
+        iterations[t] = _solve_frame(tree, frame, q[t], max_iterations if solve[t] else 0, errors)
