@@ -176,20 +176,21 @@ def plan_scene(
     reason = planner.start_problem()
     if reason:
         return PlanResult("none", reason, None, record.as_dict("none", reason, None))
-    return _Query(scene, robot, options, planner, record, tell).run()
+    return _Query(scene, robot, options, planner, ik, record, tell).run()
 
 
 class _Query:
     """The rounds of search and motion of one query."""
 
     def __init__(
-        self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner, record: _Record,
+        self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner, ik: WholeBodyIK,
+        record: _Record,
         tell: Progress,
     ) -> None:  # fmt: skip
         self.scene, self.robot, self.options = scene, robot, options
         self.planner, self.record, self.tell = planner, record, tell
         self.clock = _Clock()
-        self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone), ik=planner.check.ik)
+        self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone), ik=ik)
 
     def run(self) -> PlanResult:
         refused: tuple[str, ContactPlan, Report | None] | None = None
