@@ -8,8 +8,6 @@ truth: fast whole-body inverse kinematics, asked when the search is about to exp
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 
 from drakeplan.contact_pool import ContactPool
@@ -24,7 +22,6 @@ Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 MAX_CORNERS = 48  # of a balance polygon
 BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,
 MARGIN_SHARE = 0.4  # or, in narrow ones, this share of the way from the edge to the centroid
-JOINT_RESERVE = 0.1  # [rad] of either end of a joint's range that postures leave to the motion between them
 LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion stage moves it out
 
 
@@ -32,8 +29,7 @@ class TransitionCheck:
     """Answers for one robot on one terrain, cached by contact numbers."""
 
     def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: str) -> None:
-        self.pool, self.robot, self.cone, self.packed = pool, robot, cone, packed
-        self.ik = _with_reserve(ik)
+        self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
         self._limbs = limbs(ik.model.tree, ik.model.capsules)
         self._cone_index = cone_index(cone)
         self._ik_options = IkOptions(restarts=0)
@@ -130,15 +126,6 @@ class TransitionCheck:
         if mu not in self._generators:
             self._generators[mu] = cone_generators(self.cone, mu)
         return self._generators[mu]
-
-
-def _with_reserve(ik: WholeBodyIK) -> WholeBodyIK:
-    """The same inverse kinematics with joint limits that leave a motion some room."""
-    tree = ik.model.tree
-    reserve = np.minimum(JOINT_RESERVE, 0.1 * (tree.upper - tree.lower))
-    careful = copy.copy(ik)
-    careful.model = ik.model._replace(tree=tree._replace(lower=tree.lower + reserve, upper=tree.upper - reserve))
-    return careful
 
 
 def _margin(region: np.ndarray) -> float:
