@@ -23,7 +23,7 @@ from scenes.robot import Robot
 
 NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and turn beside its contacts
 AIR = np.array([4.0, 0.5])  # and in the air, where the CoM leads and an ankle at its limit may give way
-FAINT = np.array([0.4, 0.1])  # and in the air of a motion that is only smoothed
+FAINT = np.array([2.0, 0.15])  # and in the air of a motion that is only smoothed
 NEARBY = 0.15  # share of the swing over which one changes into the other
 GUIDED = (0.0, 0.55)  # shares of a palm's way to its wall between which its curve takes over from the free arm
 AROUND = 0.8  # how far that way bends away from the wall, in heights over the contact

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from scenes.contact import Contact
+from scenes.effector import is_foot
 from scenes.packed_terrain import PackedTerrain, near, polygon_meets_box
 
 RISE = 0.4  # share of the swing that it takes to leave the old contact, or to land on the new one
 WAIT = 0.06  # share of the swing after which a foot also rises straight up and turns
 TURN = 0.42  # share of the swing in which a foot turns level, and from level to its new tilt
+OUT, IN = 0.16, 0.3  # shares of the swing in which a foot draws back, and comes forth again
 ALONG = 0.03  # [m] a foot leaves and lands along the normal, a palm all the way
-TRAVELS = np.array([0.1, 0.22])  # share at either end without travel; the usual one first
+TRAVELS = (0.1, 0.22)  # share at either end without travel; the usual one first
+MARGINS = (1.0, 0.5, 0.2)  # shares of the clearance, tried in this order
+HIT = 0.04  # [m] of height that a sample that meets something costs where no curve is clear
 LATE = 0.05  # [m] of height that the usual share of travel is worth: a late one travels faster
-LIFTS = np.array([0.05, 0.08, 0.11, 0.14, 0.18, 0.22, 0.27, 0.32, 0.38])  # [m] tried from the lowest
-SIDES = np.array([0.0, 0.05, 0.10, 0.15])  # [m] away from the other foot, tried in this order
+LIFTS = (0.05, 0.08, 0.11, 0.14, 0.18, 0.22, 0.27, 0.32, 0.38)  # [m] tried from the lowest
+BACKS = (0.0, 0.06, 0.12)  # [m] away from what overhangs a contact, tried where no height does
+SIDES = (0.0, 0.05, 0.10, 0.15)  # [m] away from the other foot, tried in this order
 SAMPLES = 33  # poses tested along the curve; two of them are never further apart than a third of a sole
 GRAZE = 0.003  # [m] what a contact's neighbours may rise above its patch, as in scenes.projection
 HOVER = 0.10  # [m] where a palm waits before its wall and after it
@@ -29,9 +35,11 @@ class SwingCurve:
     """An end effector's pose over a swing, u from 0 to 1.
 
         p(u) = p_A + a(u) + (p_B + b(1) - p_A - a(1)) s(v) + b(1 - u) - b(1) + side bump(v)
+               + way (beyond h(1 - u) - back h(u))
         a(u) = min(lift, along) n_A s(u / RISE) + max(lift - along, 0) e_z s((u - WAIT) / RISE),  b alike for B
         R(u) = exp(tilt_A (1 - s((u - WAIT) / TURN)) + tilt_B (1 - s((1 - u - WAIT) / TURN))) L(v)        feet
         R(u) = R_A exp(theta s(v))                                                                        palms
+        h(u) = s((u - WAIT) / OUT) (1 - s((u - WAIT - OUT) / IN)),  way the level direction from A to B
         v = (u - travel) / (1 - 2 travel),  L(v) level with a heading that goes from A's to B's,  R_A = exp(tilt_A) L(0)
 
     with s the quintic smooth step and a smooth bump between the ends of the travel. Each term has zero velocity and
@@ -45,6 +53,7 @@ class SwingCurve:
         side: (3,) greatest sideways displacement in W [m].
         travel: share of the swing at either end in which it does not travel.
         along: how much of the heights is along the normals, the rest is upwards [m].
+        back, beyond: how far it first draws back from the way, and how far it goes past its end before it lands [m].
         clear: whether no sample meets the terrain.
     """
 
@@ -55,13 +64,25 @@ class SwingCurve:
     side: np.ndarray
     travel: float = TRAVELS[0]
     along: float = ALONG
+    back: float = 0.0
+    beyond: float = 0.0
     clear: bool = True
 
     def poses(self, u: np.ndarray) -> np.ndarray:
         """(n, 4, 4) pose in W at every u (n,) in [0, 1]."""
         u = np.ascontiguousarray(np.clip(u, 0.0, 1.0))
-        side = np.asarray(self.side, dtype=float)
-        return _curve(self.X_WA, self.X_WB, self.lift, self.lower, side, self.travel, self.along, u)
+        shape = _Shape(self.lift, self.lower, self.travel, self.back, self.beyond)
+        return _curve(self.X_WA, self.X_WB, shape, np.asarray(self.side, dtype=float), self.along, u)
+
+
+class _Shape(NamedTuple):
+    """The numbers of a curve that are searched for; see `SwingCurve`."""
+
+    lift: float
+    lower: float
+    travel: float
+    back: float
+    beyond: float
 
 
 def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
@@ -84,7 +105,7 @@ def plan_swing(
     raised: float = 0.0,
     pushed: float = 0.0,
 ) -> SwingCurve:
-    """The lowest curve whose moving box keeps `clearance` to the terrain and does not meet the standing leg.
+    """The lowest curve whose moving box keeps `clearance` to the terrain, less where it must, and misses the other leg.
 
     The box is the patch with `thickness` above it; its margin grows from nothing at the contacts to `clearance`.
 
@@ -92,44 +113,54 @@ def plan_swing(
         half_extent: half length and half width of the patch [m].
         thickness: height of the foot or hand above the patch [m].
         clearance: margin to the terrain, below and at the sides [m].
-        other: the contact of the other foot, whose foot and shin are in the way; None for palms.
+        other: the contact of the other foot, whose shin is in the way.
         raised: added to both heights [m], for a caller who knows that the lowest curve does not do.
         pushed: added to the sideways displacement [m].
 
     Returns:
-        `clear` is False where every curve tried meets something; it is then the one that meets it at fewest samples.
+        `clear` is False where every curve tried meets something, even with a fifth of the clearance.
     """
     X_WA, X_WB = before.X_WC, after.X_WC
-    away = _away(X_WA, X_WB, other)
+    foot = is_foot(before.effector)
+    away = _away(before, after, other) if foot else X_WA[:3, 2]
     blocks = np.zeros((0, 4, 3)) if other is None else _standing_leg(other)
     box = np.array([*half_extent, thickness, clearance])
     reach = float(np.hypot(*half_extent)) + clearance + SIDES[-1] + abs(pushed)
     low = np.minimum(X_WA[:2, 3], X_WB[:2, 3]) - reach - LIFTS[-1]
     high = np.maximum(X_WA[:2, 3], X_WB[:2, 3]) + reach + LIFTS[-1]
     around = near(packed, low[0], low[1], high[0], high[1])
-    along = np.inf if other is None else ALONG
-    lift, lower, push, travel, hits = _lowest(packed, around, blocks, X_WA, X_WB, away, box, along, raised, pushed)
-    return SwingCurve(X_WA, X_WB, lift, lower, push * away, travel, along, clear=hits == 0)
+    along = ALONG if foot else np.inf
+    for share in MARGINS:
+        box[3] = share * clearance
+        shape, push, hits = _lowest(packed, around, blocks, X_WA, X_WB, away, box, along, raised, pushed)
+        if hits == 0:
+            break
+    lift, lower, travel, back, beyond = shape
+    return SwingCurve(X_WA, X_WB, lift, lower, push * away, travel, along, back, beyond, clear=hits == 0)
 
 
 def mirrored(curve: SwingCurve) -> SwingCurve:
     """The same way walked from its end to its start."""
-    return replace(curve, X_WA=curve.X_WB, X_WB=curve.X_WA, lift=curve.lower, lower=curve.lift)
+    return replace(
+        curve, X_WA=curve.X_WB, X_WB=curve.X_WA, lift=curve.lower, lower=curve.lift, back=curve.beyond,
+        beyond=curve.back,
+    )  # fmt: skip
 
 
-def _away(X_WA: np.ndarray, X_WB: np.ndarray, other: Contact | None) -> np.ndarray:
-    """(3,) horizontal unit vector from the standing foot to the way's middle, square to the way; a palm's normal."""
+def _away(before: Contact, after: Contact, other: Contact | None) -> np.ndarray:
+    """(3,) horizontal unit vector square to the way, from the standing foot if there is one, else outwards."""
+    outwards = before.R_WC[:, 1] * (1.0 if before.effector.startswith("left") else -1.0)
+    outwards /= np.linalg.norm(outwards)
     if other is None:
-        return X_WA[:3, 2] * 1.0
-    way = X_WB[:3, 3] - X_WA[:3, 3]
-    away = 0.5 * (X_WA[:3, 3] + X_WB[:3, 3]) - other.p_WC
+        return outwards
+    way = after.p_WC - before.p_WC
+    away = 0.5 * (before.p_WC + after.p_WC) - other.p_WC
     way[2] = away[2] = 0.0
     if np.linalg.norm(way) > 0.02:
         way /= np.linalg.norm(way)
         away -= (away @ way) * way
     length = np.linalg.norm(away)
-    side = other.R_WC[:, 1] * (1.0 if other.effector.startswith("right") else -1.0)
-    return away / length if length > 0.02 else side / np.linalg.norm(side)
+    return away / length if length > 0.02 else outwards
 
 
 def _standing_leg(other: Contact) -> np.ndarray:
@@ -151,21 +182,32 @@ def smooth_step(x: float) -> float:
 
 
 @njit(cache=True)
+def _draw(u: float) -> float:
+    """From 0 to 1 and back to 0 soon after the start of the swing."""
+    return smooth_step((u - WAIT) / OUT) * (1.0 - smooth_step((u - WAIT - OUT) / IN))
+
+
+@njit(cache=True)
 def _curve(
-    X_WA: np.ndarray, X_WB: np.ndarray, lift: float, lower: float, side: np.ndarray, travel: float, along: float,
-    u: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    X_WA: np.ndarray, X_WB: np.ndarray, shape: _Shape, side: np.ndarray, along: float, u: np.ndarray
+) -> np.ndarray:
     R_WA, R_WB = np.ascontiguousarray(X_WA[:3, :3]), np.ascontiguousarray(X_WB[:3, :3])
     theta = _rotation_vector(R_WA.T @ R_WB)
     yaw_a, yaw_b = np.arctan2(R_WA[1, 0], R_WA[0, 0]), np.arctan2(R_WB[1, 0], R_WB[0, 0])
     tilt_a, tilt_b = _rotation_vector(R_WA @ _level(yaw_a).T), _rotation_vector(R_WB @ _level(yaw_b).T)
     turn = (yaw_b - yaw_a + np.pi) % (2.0 * np.pi) - np.pi
+    lift, lower, travel = shape.lift, shape.lower, shape.travel
     normal_a, normal_b = min(lift, along), min(lower, along)
+    way = X_WB[:3, 3] - X_WA[:3, 3]
+    way[2] = 0.0
+    length = np.sqrt(way @ way)
+    way = way / length if length > 0.02 else 0.0 * way
     poses = np.zeros((u.shape[0], 4, 4))
     for i in range(u.shape[0]):
         v = min(max((u[i] - travel) / (1.0 - 2.0 * travel), 0.0), 1.0)
         s = smooth_step(v)
         bump = 64.0 * (v * (1.0 - v)) ** 3
+        out = shape.beyond * _draw(1.0 - u[i]) - shape.back * _draw(u[i])
         along_a, up_a = smooth_step(u[i] / RISE), smooth_step((u[i] - WAIT) / RISE)
         along_b, up_b = smooth_step((1.0 - u[i]) / RISE), smooth_step((1.0 - u[i] - WAIT) / RISE)
         for a in range(3):
@@ -173,8 +215,8 @@ def _curve(
             top_a, top_b = n_a + (lift - normal_a) * e_z, n_b + (lower - normal_b) * e_z
             leave = n_a * along_a + (lift - normal_a) * e_z * up_a
             land = n_b * along_b + (lower - normal_b) * e_z * up_b
-            way = X_WB[a, 3] + top_b - X_WA[a, 3] - top_a
-            poses[i, a, 3] = X_WA[a, 3] + leave + way * s + land - top_b + side[a] * bump
+            step = X_WB[a, 3] + top_b - X_WA[a, 3] - top_a
+            poses[i, a, 3] = X_WA[a, 3] + leave + step * s + land - top_b + side[a] * bump + way[a] * out
         if np.isinf(along):
             poses[i, :3, :3] = R_WA @ _rotation(s * theta)
         else:
@@ -227,33 +269,37 @@ def _level(yaw: float) -> np.ndarray:
 def _lowest(
     packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WA: np.ndarray, X_WB: np.ndarray,
     away: np.ndarray, box: np.ndarray, along: float, raised: float, pushed: float,
-) -> tuple[float, float, float, float, int]:  # fmt: skip
-    """(lift, lower, push, travel, hits) of the cheapest clear curve at the least push, else of that with fewest hits.
+) -> tuple[_Shape, float, int]:  # fmt: skip
+    """(shape, push, hits) of the cheapest clear curve at the least push, else of the cheapest of all.
 
-    The heights grow one at a time: the first while the first half meets something, the second while the second does.
+    Heights grow one at a time: the first while the first half meets something, the second while the second does.
+    Where no height does, the foot draws back on that side, and the heights grow anew.
     """
     u = np.linspace(0.0, 1.0, SAMPLES)
     free = np.array([_free_margin(packed, around, blocks, X, box) for X in (X_WA, X_WB)])
-    best, cost = (LIFTS[0] + raised, LIFTS[0] + raised, pushed, TRAVELS[0], SAMPLES + 1), np.inf
+    heights = len(LIFTS)
+    last = heights * (len(BACKS) if np.isfinite(along) else 1)
+    best, best_push, best_hits, cost = _Shape(LIFTS[0], LIFTS[0], TRAVELS[0], 0.0, 0.0), pushed, 2 * SAMPLES, np.inf
     for push in SIDES:
         side = (push + pushed) * away
         for travel in TRAVELS:
             i = j = 0
-            while i < LIFTS.shape[0] and j < LIFTS.shape[0]:
-                lift, lower = LIFTS[i] + raised, LIFTS[j] + raised
-                poses = _curve(X_WA, X_WB, lift, lower, side, travel, along, u)
+            while i < last and j < last:
+                back, beyond = BACKS[i // heights], BACKS[j // heights]
+                shape = _Shape(LIFTS[i % heights] + raised, LIFTS[j % heights] + raised, travel, back, beyond)
+                poses = _curve(X_WA, X_WB, shape, side, along, u)
                 early, late = _hits(packed, around, blocks, poses, u, box, free, travel)
-                price = lift + lower + (LATE if travel > TRAVELS[0] else 0.0)
-                if early + late < best[4] or (early + late == 0 and price < cost):
-                    best = (lift, lower, push + pushed, travel, early + late)
-                    cost = price if early + late == 0 else np.inf
-                if early + late == 0:
+                hits = early + late
+                price = shape.lift + shape.lower + back + beyond + HIT * hits + (LATE if travel > TRAVELS[0] else 0.0)
+                if (hits == 0 and best_hits > 0) or (price < cost and (hits == 0 or best_hits > 0)):
+                    best, best_push, best_hits, cost = shape, push + pushed, hits, price
+                if hits == 0:
                     break
                 i += 1 if early > 0 else 0
                 j += 1 if late > 0 else 0
-        if best[4] == 0:
+        if best_hits == 0:
             break
-    return best
+    return best, best_push, best_hits
 
 
 @njit(cache=True)
