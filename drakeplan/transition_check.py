@@ -8,6 +8,8 @@ truth: fast whole-body inverse kinematics, asked when the search is about to exp
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from drakeplan.contact_pool import ContactPool
@@ -22,6 +24,7 @@ Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 MAX_CORNERS = 48  # of a balance polygon
 BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,
 MARGIN_SHARE = 0.4  # or, in narrow ones, this share of the way from the edge to the centroid
+JOINT_RESERVE = 0.1  # [rad] of either end of a leg joint's range left to the motion, while no palm asks for a stretch
 LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion stage moves it out
 
 
@@ -30,6 +33,7 @@ class TransitionCheck:
 
     def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: str) -> None:
         self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
+        self._careful_ik = _with_reserve(ik)
         self._limbs = limbs(ik.model.tree, ik.model.capsules)
         self._cone_index = cone_index(cone)
         self._ik_options = IkOptions(restarts=0)
@@ -102,9 +106,10 @@ class TransitionCheck:
                 X_WE[e, :3, :3], X_WE[e, :3, 3] = self.pool.R[n], self.pool.p[n]
         self.num_ik += 1
         options = self._ik_options._replace(com_margin=_margin(region))
-        answer = self.ik.solve(X_WE, active, region, seed, options=options)
+        ik = self.ik if active[2:].any() else self._careful_ik
+        answer = ik.solve(X_WE, active, region, seed, options=options)
         if not answer.ok and seed is not None:
-            answer = self.ik.solve(X_WE, active, region, None, options=options)
+            answer = ik.solve(X_WE, active, region, None, options=options)
         if answer.ok:
             depth = penetration(self.ik.model.tree, self.ik.model.capsules, self._limbs, self.packed, answer.q)
             return ("collision" if depth > LIMB_DEPTH else ""), answer.q
@@ -126,6 +131,20 @@ class TransitionCheck:
         if mu not in self._generators:
             self._generators[mu] = cone_generators(self.cone, mu)
         return self._generators[mu]
+
+
+def _with_reserve(ik: WholeBodyIK) -> WholeBodyIK:
+    """The same inverse kinematics with leg joints that leave the motion between postures some room."""
+    tree = ik.model.tree
+    reserve = np.zeros(len(tree.lower))
+    for foot in (0, 1):
+        link = int(tree.frame_link[foot])
+        while link > 0:  # the joint of link i is the (i - 1)-th
+            reserve[link - 1] = min(JOINT_RESERVE, 0.1 * (tree.upper[link - 1] - tree.lower[link - 1]))
+            link = int(tree.parent[link])
+    careful = copy.copy(ik)
+    careful.model = ik.model._replace(tree=tree._replace(lower=tree.lower + reserve, upper=tree.upper - reserve))
+    return careful
 
 
 def _margin(region: np.ndarray) -> float:
