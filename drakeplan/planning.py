@@ -51,7 +51,7 @@ class PlanOptions:
         heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
         transition_model: name of the foot transition model.
         deadline: limits the search alone.
-        improve: the search stops this long after the first plan.
+        improve: the search stops this long after the first plan; without effect when `expansions` is given.
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         stop: polled by the search; True ends it and keeps the incumbent.
         command: recorded in the plan's provenance.
@@ -227,7 +227,7 @@ class _Query:
         limits = Limits(
             deadline=max(self.options.deadline - self.record.planning_s, 0.0),
             expansions=self.options.expansions,
-            improve=self.options.improve if first_round else 0.0,
+            improve=self._improve_for() if first_round else 0.0,
             stop=self.options.stop,
         )
         found = []
@@ -244,6 +244,10 @@ class _Query:
             if search.ended_by != "exhausted":
                 self.record.limits_fired.append(search.ended_by)
         return found
+
+    def _improve_for(self) -> float | None:
+        """Seconds of improvement; none where a budget of expansions must give the same plan on any machine."""
+        return self.options.improve if self.options.expansions is None else None
 
     def _note(self, best: ContactPlan) -> None:
         contacts, _ = tabulate_stances(best.stances)
