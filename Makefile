@@ -37,6 +37,7 @@ picture: .venv/.dev
 
 clean:
 	rm -rf .venv out .pytest_cache .ruff_cache build *.egg-info
+	find . -name "*.nb[ic]" -delete
 
 .venv/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

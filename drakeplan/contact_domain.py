@@ -22,6 +22,7 @@ import numpy as np
 
 from drakeplan.contact_pool import ContactPool
 from drakeplan.torso_grid import TorsoGrid
+
 if TYPE_CHECKING:
     from drakeplan.transition_check import TransitionCheck
 from scenes.packed_terrain import PackedTerrain
@@ -140,7 +141,9 @@ class ContactDomain:
         blamed = [n for n in self._blamed if self.pool.effector[n] == self.pool.effector[made]]
         if made < 0 or len(blamed) < BLAMED_OUT:
             return False
-        return int((np.linalg.norm(self.pool.p[blamed] - self.pool.p[made], axis=1) < SPOILED_RADIUS).sum()) >= BLAMED_OUT
+        return (
+            int((np.linalg.norm(self.pool.p[blamed] - self.pool.p[made], axis=1) < SPOILED_RADIUS).sum()) >= BLAMED_OUT
+        )
 
     # Moves -----------------------------------------------------------------------------------------------------
 

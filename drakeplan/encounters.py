@@ -141,4 +141,3 @@ class ProximityMonitor:
             np.array(effector, dtype=np.int64),
             tuple(bodies),
         )
-

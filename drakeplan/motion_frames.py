@@ -140,9 +140,7 @@ class MotionFrames:
     def _plan_course(self) -> None:
         setting = self.setting
         self._swings = plan_swings(setting.robot, setting.packed, self.schedule, self._detours, setting.clearance)
-        self._course = solve_course(
-            setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor
-        )
+        self._course = solve_course(setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor)
 
     def _retarget(self) -> None:
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)

@@ -287,7 +287,9 @@ class _Query:
         phases = centroidal = whole_body = None
         if motion is not None:
             schedule, c = motion.schedule, motion.centroidal
-            phases = PlanPhases(schedule.boundaries[:-1], schedule.boundaries[1:], [p.contacts for p in schedule.phases])
+            phases = PlanPhases(
+                schedule.boundaries[:-1], schedule.boundaries[1:], [p.contacts for p in schedule.phases]
+            )
             centroidal = PlanCentroidal(
                 c.t, c.com, c.linear_momentum, c.angular_momentum, c.contact, c.force_W, c.cop_C, c.torque_n
             )
@@ -362,7 +364,9 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
         start = Start((options.start[0], options.start[1], float("nan")), yaw)  # the ground says how high
     radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
     if options.goal is not None:
-        goal = Goal((options.goal[0], options.goal[1], float("nan")), radius, options.goal[2] if len(options.goal) > 2 else None)
+        goal = Goal(
+            (options.goal[0], options.goal[1], float("nan")), radius, options.goal[2] if len(options.goal) > 2 else None
+        )
     elif goal is not None:
         goal = dataclasses.replace(goal, radius=radius)
     if options.friction is not None:

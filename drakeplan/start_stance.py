@@ -14,7 +14,15 @@ from scenes.robot import Robot
 from scenes.scene import Goal, Scene, Start
 from scenes.stance import Stance
 
-NUDGES = (0.0, 0.03, -0.03, 0.06, -0.06, 0.1, -0.1)  # [m] tried forward and sideways where the exact place takes no sole
+NUDGES = (
+    0.0,
+    0.03,
+    -0.03,
+    0.06,
+    -0.06,
+    0.1,
+    -0.1,
+)  # [m] tried forward and sideways where the exact place takes no sole
 Z_WINDOW = 0.5  # [m] around a start's z in which its ground is looked for
 
 
@@ -41,7 +49,16 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
             for sideways in NUDGES:
                 across = side * max(half_width + side * sideways, 0.5 * robot.foot_separation[0])
                 px, py = x + c * forward - s * across, y + s * forward + c * across
-                foot = set_down(packed, EFFECTORS[k], px, py, start.yaw, robot.effectors[k].half_extent, z_range)
+                foot = set_down(
+                    packed,
+                    EFFECTORS[k],
+                    px,
+                    py,
+                    start.yaw,
+                    robot.effectors[k].half_extent,
+                    z_range,
+                    overhang=robot.effectors[k].overhang,
+                )
                 if foot is not None:
                     feet.append(foot)
                     break

@@ -19,9 +19,7 @@ from scenes.robot import Robot
 
 TURNS = 12  # yaw cells, 30 deg each
 UNSEEN, SETTLED, BLOCKED = -1, -2, -3
-INSIDE_MARGIN = (
-    0.02  # [m] a cell's centre this far outside a polygon still has its ground
-)
+INSIDE_MARGIN = 0.02  # [m] a cell's centre this far outside a polygon still has its ground
 
 
 @dataclass(frozen=True)
@@ -53,11 +51,7 @@ class TorsoGrid:
         cell = self.options.cell
         self._packed = packed
         self._origin = np.floor(np.minimum(low, goal_xy) / cell - 1) * cell
-        nx, ny = (
-            (np.ceil((np.maximum(high, goal_xy) - self._origin) / cell) + 2)
-            .astype(int)
-            .tolist()
-        )
+        nx, ny = (np.ceil((np.maximum(high, goal_xy) - self._origin) / cell) + 2).astype(int).tolist()
         self.shape = (nx, ny, TURNS)
         self._ground = np.full((nx, ny), -np.inf)
         _rasterise(packed, feet, self._origin, cell, self._ground)
@@ -91,11 +85,7 @@ class TorsoGrid:
 
     def settled(self) -> np.ndarray:
         """(nx, ny) least distance over the yaws of the cells reached so far [m], inf elsewhere; for pictures."""
-        return (
-            np.where(self._place == SETTLED, self._cost, np.inf)
-            .reshape(self.shape)
-            .min(axis=2)
-        )
+        return np.where(self._place == SETTLED, self._cost, np.inf).reshape(self.shape).min(axis=2)
 
 
 GridDistance = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -131,10 +121,7 @@ def _rasterise(
                 inside = True
                 for e in range(packed.count[k]):
                     w = packed.edge_normal[k, e]
-                    if (
-                        w[0] * x + w[1] * y + w[2] * z
-                        > packed.edge_offset[k, e] + INSIDE_MARGIN
-                    ):
+                    if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e] + INSIDE_MARGIN:
                         inside = False
                         break
                 if inside and z > ground[i, j]:
@@ -142,9 +129,7 @@ def _rasterise(
 
 
 @njit(cache=True)
-def _height_at(
-    ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: float, radius: float
-) -> float:
+def _height_at(ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: float, radius: float) -> float:
     """Ground under a cell, or of the nearest cell within the support radius; -inf where there is none (kept)."""
     if not np.isnan(height[i, j]):
         return height[i, j]
@@ -155,14 +140,8 @@ def _height_at(
         for a in range(-r, r + 1):
             for b in range(-r, r + 1):
                 u, v = i + a, j + b
-                if (
-                    0 <= u < ground.shape[0]
-                    and 0 <= v < ground.shape[1]
-                    and a * a + b * b <= best
-                ):
-                    if ground[u, v] > -np.inf and (
-                        a * a + b * b < best or ground[u, v] > z
-                    ):
+                if 0 <= u < ground.shape[0] and 0 <= v < ground.shape[1] and a * a + b * b <= best:
+                    if ground[u, v] > -np.inf and (a * a + b * b < best or ground[u, v] > z):
                         best = float(a * a + b * b)
                         z = ground[u, v]
     height[i, j] = z
@@ -181,9 +160,7 @@ def _sift_up(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, k: int) -> N
 
 
 @njit(cache=True)
-def _pop(
-    heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray
-) -> int:
+def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray) -> int:
     top = heap[0]
     size[0] -= 1
     n = size[0]
@@ -217,9 +194,7 @@ def _free(
         return False
     x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
     if clear[i, j] == 0:
-        reach = np.sqrt(
-            (abs(centre[0]) + 0.5 * box[0]) ** 2 + (abs(centre[1]) + 0.5 * box[1]) ** 2
-        )
+        reach = np.sqrt((abs(centre[0]) + 0.5 * box[0]) ** 2 + (abs(centre[1]) + 0.5 * box[1]) ** 2)
         empty = nothing_near(
             packed,
             x,
@@ -229,9 +204,7 @@ def _free(
             z + centre[2] + 0.5 * box[2],
         )
         clear[i, j] = 1 if empty else 2
-    return clear[i, j] == 1 or box_is_free(
-        packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box
-    )
+    return clear[i, j] == 1 or box_is_free(packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box)
 
 
 @njit(cache=True)
@@ -257,10 +230,7 @@ def _seed(
             for t in range(TURNS):
                 if not np.isnan(goal_yaw):
                     turn = 2 * np.pi * t / TURNS - goal_yaw
-                    if (
-                        abs(np.arctan2(np.sin(turn), np.cos(turn)))
-                        > np.pi / TURNS + 1e-6
-                    ):
+                    if abs(np.arctan2(np.sin(turn), np.cos(turn))) > np.pi / TURNS + 1e-6:
                         continue
                 if _free(
                     packed,

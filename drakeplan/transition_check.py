@@ -123,7 +123,12 @@ class TransitionCheck:
         generators = np.stack([self._cone(self.pool.friction(n)) for n in numbers])
         corners = np.empty((MAX_CORNERS, 2))
         count = com_polygon(
-            self.pool.p[numbers], self.pool.R[numbers], self._half[effectors], generators, self._limit[effectors], corners
+            self.pool.p[numbers],
+            self.pool.R[numbers],
+            self._half[effectors],
+            generators,
+            self._limit[effectors],
+            corners,
         )
         return corners[:count].copy() if count >= 3 else None
 

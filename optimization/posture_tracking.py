@@ -217,9 +217,7 @@ def _pair_distance(
         for a in range(3):
             at[s, a] = point[s, a]
             if k >= 0:
-                at[s, a] = (
-                    p[k, a] + R[k, a, 0] * point[s, 0] + R[k, a, 1] * point[s, 1] + R[k, a, 2] * point[s, 2]
-                )
+                at[s, a] = p[k, a] + R[k, a, 0] * point[s, 0] + R[k, a, 1] * point[s, 1] + R[k, a, 2] * point[s, 2]
             d += normal[a] * at[s, a] * (1.0 if s == 0 else -1.0)
     return d
 

@@ -23,7 +23,10 @@ def run(options: BenchOptions) -> BenchTable:
     robot = load_robot(options.robot)
     ik = WholeBodyIK(robot)
     warm_up(robot, ik)
-    rows, notes = [], ["Scene, robot and kernels are loaded; packing the terrain and the heuristic's grid are included."]
+    rows, notes = (
+        [],
+        ["Scene, robot and kernels are loaded; packing the terrain and the heuristic's grid are included."],
+    )
     for name in SCENES:
         times, expansions, steps, palms = [], [], [], []
         for seed in range(options.seeds):

@@ -18,7 +18,9 @@ HALF = (0.11, 0.05)  # sole [m]
 ATOL = 1e-12
 
 
-def plate(name: str, x: tuple[float, float], y: tuple[float, float], slope: tuple[float, float] = (0, 0), z: float = 0.0):
+def plate(
+    name: str, x: tuple[float, float], y: tuple[float, float], slope: tuple[float, float] = (0, 0), z: float = 0.0
+):
     corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
     return Surface(name, np.array([[a, b, z + slope[0] * a + slope[1] * b] for a, b in corners]))
 
@@ -130,7 +132,9 @@ def test_an_obstacle_in_between_blocks_a_palm_ray() -> None:
 
 @settings(max_examples=200)
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-2, 2), st.floats(-np.pi, np.pi), st.integers(0, 1000))
-def test_clipping_agrees_with_a_dense_sample_of_the_polygon(x: float, y: float, z: float, yaw: float, seed: int) -> None:
+def test_clipping_agrees_with_a_dense_sample_of_the_polygon(
+    x: float, y: float, z: float, yaw: float, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     triangle = rng.uniform(-1, 1, (3, 3))
     c, s = np.cos(yaw), np.sin(yaw)

@@ -42,7 +42,9 @@ def test_a_model_of_one_s_own_is_read(tmp_path) -> None:
     np.testing.assert_allclose(model.steps, [[0.1, 0.2, np.pi / 2]])
 
 
-@pytest.mark.parametrize("text", ["mine: [[0.1, 0.2]]", "mine: [[0.1, .nan, 0]]", "other: [[0, 0, 0]]", "[1, 2]", "a: ["])
+@pytest.mark.parametrize(
+    "text", ["mine: [[0.1, 0.2]]", "mine: [[0.1, .nan, 0]]", "other: [[0, 0, 0]]", "[1, 2]", "a: ["]
+)
 def test_a_broken_model_file_is_one_clear_line(tmp_path, text: str) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(text)
