@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class ContactPlannerOptions:
 
     cone: str = "inner"
     heuristic: HeuristicName = "grid"
-    weights: PlannerWeights = PlannerWeights()
+    weights: PlannerWeights = field(default_factory=PlannerWeights)
     epsilon: float = 0.1
     seed: int = 0
     use_palms: bool = True

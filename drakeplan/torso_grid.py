@@ -140,10 +140,12 @@ def _height_at(ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: flo
         for a in range(-r, r + 1):
             for b in range(-r, r + 1):
                 u, v = i + a, j + b
-                if 0 <= u < ground.shape[0] and 0 <= v < ground.shape[1] and a * a + b * b <= best:
-                    if ground[u, v] > -np.inf and (a * a + b * b < best or ground[u, v] > z):
-                        best = float(a * a + b * b)
-                        z = ground[u, v]
+                if not (0 <= u < ground.shape[0] and 0 <= v < ground.shape[1]) or ground[u, v] == -np.inf:
+                    continue
+                squared = float(a * a + b * b)
+                if squared < best or (squared == best and ground[u, v] > z):
+                    best = squared
+                    z = ground[u, v]
     height[i, j] = z
     return z
 
