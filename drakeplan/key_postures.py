@@ -33,6 +33,7 @@ MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
+SPREAD = 0.06  # [m] distance that arms which hang free keep from everything else in key postures
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
 HALFWAY = 0.45  # share of a swing at which its middle posture is taken
 FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
@@ -111,9 +112,17 @@ def resting_point(region: np.ndarray, toward: np.ndarray, margin: float = MARGIN
 
 
 def solve_key_postures(
-    robot: Robot, ik: WholeBodyIK, schedule: Schedule, regions: BalanceRegions, monitor: ProximityMonitor
+    robot: Robot,
+    ik: WholeBodyIK,
+    schedule: Schedule,
+    regions: BalanceRegions,
+    monitor: ProximityMonitor,
+    *,
+    spread: float = SPREAD,
 ) -> KeyPostures:
     """Solves all of them together, moves bodies apart that come too near each other or the terrain, retries what fails.
+
+    `spread` is the distance [m] that arms which hang free keep from everything.
 
     The first try wants the CoM well inside what the contacts balance. Where the legs do not reach that, the planner's
     own inverse kinematics says how far the CoM can come, and the posture is made from there.
@@ -124,7 +133,7 @@ def solve_key_postures(
     q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    answer = _apart(tree, monitor, targets, answer, placed)
+    answer = _apart(tree, monitor, targets, answer, placed, spread)
     keys = _judged(ik.kinematics, answer, polygons)
     failures = keys.failures()
     if failures:
@@ -132,7 +141,7 @@ def solve_key_postures(
         solve = np.isin(np.arange(len(q)), failures)
         q = np.where(solve[:, None], targets.q_ref, answer.q)
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
-        answer = _apart(tree, monitor, targets, answer, placed, reserve=0.0)
+        answer = _apart(tree, monitor, targets, answer, placed, spread, reserve=0.0)
         keys = _judged(ik.kinematics, answer, polygons)
     return keys
 
@@ -159,6 +168,8 @@ def solve_course(
     keys: KeyPostures,
     swings: Sequence[SwingCurve],
     monitor: ProximityMonitor,
+    *,
+    spread: float = SPREAD,
 ) -> Course:
     """The key postures, and one more in the middle of each swing from contact to contact.
 
@@ -188,7 +199,7 @@ def solve_course(
         tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
     )  # fmt: skip
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1)).q
+    q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), spread).q
     key_t = np.concatenate([schedule.boundaries, t])
     order = np.argsort(key_t)
     all_com = np.concatenate([keys.com, [ik.kinematics.com(x) for x in q]])
@@ -197,24 +208,35 @@ def solve_course(
 
 def _apart(
     tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
-    placed: np.ndarray, reserve: float = RESERVE,
+    placed: np.ndarray, spread: float, reserve: float = RESERVE,
 ) -> TrackedPostures:  # fmt: skip
-    """Moves bodies apart that are nearer than `APART`, and hips to where no leg is straight; contacts in place stay."""
+    """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
+
+    Args:
+        placed: (n, E), not negative where an end effector may not move.
+        spread: distance that arms keep which are not placed [m]; everything else keeps `APART`.
+        reserve: length that legs keep unused [m].
+    """
     num = len(answer.q)
+    chains = {e: _chain(tree, e) for e in (2, 3)}
+    arms = {link: e for e, chain in chains.items() for link in chain[: len(chain) // 2]}  # forearms and hands
     for _ in range(ROUNDS):
-        met = monitor.near(answer.q, range(num), SEEN)
+        met = monitor.near(answer.q, range(num), spread + SEEN)
         met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
         legs, room = _legs(tree, answer.q)
+        arm = np.array([[arms.get(int(link), -1) for link in pair] for pair in met.link]).reshape(-1, 2)
+        free = ((arm >= 0) & (placed[met.frame[:, None], np.maximum(arm, 0)] < 0)).any(axis=1)
+        wanted = np.where(free, spread, APART)
         close = np.zeros(num, dtype=bool)
-        close[met.frame[met.distance < APART - 2e-3]] = True
+        close[met.frame[met.distance < wanted - 2e-3]] = True
         close[legs.frame[room < reserve - 2e-3]] = True
         if not close.any():
             break
         both = met.joined(legs)
-        stretched = np.isinf(both.distance)
-        wanted = np.full(len(both), APART)
-        wanted[stretched] = reserve - _lengths(tree)[both.effector[stretched]]
-        rows = both.rows(num, wanted, np.where(stretched, BEND, KEEP))
+        order = np.argsort(np.concatenate([met.frame, legs.frame]), kind="stable")
+        goal = np.concatenate([wanted, reserve - _lengths(tree)[legs.effector]])[order]
+        weight = np.concatenate([np.full(len(met), KEEP), np.full(len(legs), BEND)])[order]
+        rows = both.rows(num, goal, weight)
         targets = replace(targets, rows=rows)
         answer = track_postures(tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
     return answer
@@ -223,8 +245,8 @@ def _apart(
 def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
     """Both legs in every configuration as pairs (hip, ankle) that must not be further apart than wanted.
 
-    The normal points from hip to ankle, so that the distance along it is minus their distance. Returns the pairs, with
-    an infinite `distance` to tell them by, and (R,) what is left of each leg's length [m].
+    The normal points from hip to ankle, so that the distance along it is minus their distance. Returns the pairs, and
+    (R,) what is left of each leg's length [m].
     """
     num_links = tree.parent.shape[0]
     R, p = np.empty((num_links, 3, 3)), np.empty((num_links, 3))
@@ -239,7 +261,7 @@ def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
             normal[b, e], room[b, e] = leg / length, lengths[e] - length
     count = 2 * len(q)
     pairs = Encounters(
-        np.repeat(np.arange(len(q)), 2), np.full(count, np.inf), np.tile(np.array(links), (len(q), 1)),
+        np.repeat(np.arange(len(q)), 2), room.ravel(), np.tile(np.array(links), (len(q), 1)),
         np.zeros((count, 2, 3)), normal.reshape(-1, 3), np.tile([0, 1], len(q)), (("hip", "ankle"),) * count,
     )  # fmt: skip
     return pairs, room.ravel()

@@ -10,7 +10,7 @@ import numpy as np
 
 from drakeplan.dynamics import BOX, through
 from drakeplan.encounters import Encounters, ProximityMonitor
-from drakeplan.key_postures import KeyPostures, posture_weight, solve_course
+from drakeplan.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
 from drakeplan.motion_check import Problem, find_problems
 from drakeplan.motion_targets import (
     FAINT,
@@ -39,6 +39,7 @@ FAITHFUL, FIRM_COM = 10.0, 40.0  # how much harder than usual the smoothed postu
 WINDOW = 15  # frames before and after a collision that take part in moving out of its way
 COM_FEEDBACK, NEAR_FEEDBACK = 0.008, 0.3  # [m, s] a CoM this far off goes back to the dynamics, with what is near it
 TIGHTER, LEAST_BOX = 0.3, 0.004  # how the CoM's bounds shrink there each time, and the least of them [m]
+WIDER_ARMS, MOST_SPREAD = 0.03, 0.13  # [m] how much further free arms keep away each time, and at most
 HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
 
 Solve = Callable[[np.ndarray, np.ndarray | None], tuple[CentroidalTrajectory | None, str]]
@@ -88,7 +89,7 @@ class MotionFrames:
         self._room = contact_room(schedule, self.t)
         self._detours: dict[int, Detour] = {}
         self._free: np.ndarray | None = None
-        self._apart = APART
+        self._apart, self._spread = APART, SPREAD
         self._bound = False
         self._plan_course()
 
@@ -256,7 +257,7 @@ class MotionFrames:
 
     def _try_harder(self, problems: Sequence[Problem]) -> bool:
         """Gives the next round more distance or other swings, or a tighter CoM; False where nothing is left to try."""
-        before, detours = self._apart, dict(self._detours)
+        before, detours = (self._apart, self._spread), dict(self._detours)
         for p in problems:
             if p.kind == "sole collision":
                 detour = self._detours.get(p.transition, Detour())
@@ -264,10 +265,12 @@ class MotionFrames:
                     self._detours[p.transition] = Detour(detour.raised + HIGHER, detour.pushed + WIDER)
             elif p.kind.endswith("collision"):
                 self._apart = min(self._apart + 0.015, MOST_APART)
-        if detours != self._detours:
+            if p.kind in ("self collision", "jerk", "speed"):
+                self._spread = min(self._spread + WIDER_ARMS, MOST_SPREAD)
+        if (before[1], detours) != (self._spread, self._detours):
             self._plan_course()
         off = any(p.kind in ("com", "held") for p in problems) and not self._bound
-        return before != self._apart or detours != self._detours or off
+        return before != (self._apart, self._spread) or detours != self._detours or off
 
     def _problems(self) -> list[Problem]:
         com = np.stack([np.interp(self.t, self.trajectory.t, self.trajectory.com[:, i]) for i in range(3)], axis=1)
