@@ -23,6 +23,7 @@ from drakeplan.plan_file import write_plan
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.search.ana_star import Limits
 from drakeplan.verifier import Report, verify
+from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError, unknown_name
 from scenes.robot import Robot
@@ -32,6 +33,7 @@ from scenes.transition_model import transition_model
 
 PLANNERS = ("search",)
 DYNAMICS = ("quasi-static",)
+_WARM: set[str] = set()  # robots whose kernels this process has loaded
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
 
@@ -168,6 +170,9 @@ def plan_scene(
     record = _Record()
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
     ik = WholeBodyIK(robot)
+    if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
+        warm_up(robot, ik)
+        _WARM.add(robot.model_sha256)
     search_options = ContactPlannerOptions(
         cone=options.cone, heuristic=options.heuristic, seed=options.seed, use_palms=options.use_palms
     )
