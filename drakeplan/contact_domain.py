@@ -59,7 +59,7 @@ class ContactDomain:
 
     def __init__(
         self, packed: PackedTerrain, robot: Robot, goal: Goal, model: TransitionModel, check: TransitionCheck,
-        weights: PlannerWeights, heuristic: HeuristicName, use_palms: bool = True,
+        weights: PlannerWeights, heuristic: HeuristicName, use_palms: bool = True, quasi_static: bool = True,
     ) -> None:  # fmt: skip
         self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
         self.pool: ContactPool = check.pool
@@ -71,6 +71,7 @@ class ContactDomain:
         self._models = [model.mirrored(True), model.mirrored(False)]
         self._heuristic_name = heuristic
         self._palms = (0, 1) if use_palms else ()
+        self._quasi_static = quasi_static  # whether a foot may only be lifted where the rest can carry the weight
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._half = [e.half_extent for e in robot.effectors]
@@ -97,18 +98,28 @@ class ContactDomain:
 
     def heuristic(self, states: Sequence[State]) -> np.ndarray:
         """(n,) estimated cost to go."""
-        feet = np.array([s[:2] for s in states])
-        mean = 0.5 * (self.pool.p[feet[:, 0]] + self.pool.p[feet[:, 1]])
-        yaw = _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
+        estimate = self.distance_to_go(states) * self._per_metre
+        if self._heuristic_name == "euclidean" and self.goal.yaw is not None:
+            estimate += self.weights.turn * np.abs(_wrap(self._feet(states)[1] - self.goal.yaw))
+        return estimate
+
+    def distance_to_go(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) way that the mean of the feet has to go, as the chosen heuristic measures it [m]."""
+        mean, yaw = self._feet(states)
         straight = np.hypot(*(mean[:, :2] - self._goal_xy).T)
         if self._heuristic_name == "admissible":
-            return np.maximum(straight - self.goal.radius, 0.0) * self._per_metre
+            return np.maximum(straight - self.goal.radius, 0.0)
         if self._heuristic_name == "euclidean":
-            turn = 0.0 if self.goal.yaw is None else np.abs(_wrap(yaw - self.goal.yaw))
-            return straight * self._per_metre + self.weights.turn * turn
+            return straight
         distance = self.grid.distance(mean[:, 0], mean[:, 1], yaw)
         # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
-        return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0)) * self._per_metre
+        return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
+
+    def _feet(self, states: Sequence[State]) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) means of the feet [m] and (n,) their headings [rad]."""
+        feet = np.array([s[:2] for s in states])
+        mean = 0.5 * (self.pool.p[feet[:, 0]] + self.pool.p[feet[:, 1]])
+        return mean, _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
 
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region."""
@@ -122,13 +133,17 @@ class ContactDomain:
 
     def confirm(self, parent: State, state: State) -> bool:
         """Balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3)."""
-        if self._forbidden and (_move(parent, state) in self._forbidden or self._spoiled(state[state[4]])):
+        if self.is_forbidden(parent, state):
             self.rejections["motion"] += 1
             return False
         reason = self.check.transition(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason
+
+    def is_forbidden(self, before: State, after: State) -> bool:
+        """Whether the motion stage refused this move, or this place again and again."""
+        return bool(self._forbidden) and (_move(before, after) in self._forbidden or self._spoiled(after[after[4]]))
 
     def forbid(self, before: State, after: State) -> None:
         """Bars a move that the motion stage refused, whatever the palms do; where that happens again, the place goes."""
@@ -150,10 +165,12 @@ class ContactDomain:
     def _move_foot(self, state: State, mover: int, states: list[State], costs: list[np.ndarray]) -> None:
         stand, old = state[1 - mover], state[mover]
         palms = [n for n in state[2:4] if n >= 0]
-        if not palms and not self.check.stands_alone(stand):
+        if self._quasi_static and not palms and not self.check.stands_alone(stand):
             self.rejections["friction"] += 1
             return
-        if palms and (reason := self.check.can_lift(state[:4], mover)):  # one answer spares every child's own check
+        if (
+            self._quasi_static and palms and (reason := self.check.can_lift(state[:4], mover))
+        ):  # one answer spares every child's own check
             self.rejections[reason] += 1
             return
         numbers = self._foot_candidates(stand, mover)

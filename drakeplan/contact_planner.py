@@ -5,20 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights, State
+from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights
 from drakeplan.contact_pool import ContactPool
+from drakeplan.dynamic_domain import DynamicDomain, DynamicWeights
+from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics
 from drakeplan.search.ana_star import AnaStar, Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.transition_check import TransitionCheck
+from optimization.transition_dynamics import transition_options
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
 from scenes.robot import Robot
 from scenes.scene import Scene
 from scenes.stance import Stance
 from scenes.transition_model import TransitionModel, transition_model
+
+State = tuple[int, ...]  # of `contact_domain` or `dynamic_domain`; the first five numbers mean the same
+DynamicsName = Literal["quasi-static", "exact"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,9 @@ class ContactPlannerOptions:
         epsilon: probability of a random expansion (Lin 2020 sec. 6.4).
         seed: of that choice.
         use_palms: whether palms may be used at all.
+        dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), or feasible for
+            the centroidal program ("exact").
+        dynamic_weights: of the edge cost (6.6), where transitions are judged by their dynamics.
     """
 
     cone: str = "inner"
@@ -40,6 +50,8 @@ class ContactPlannerOptions:
     epsilon: float = 0.1
     seed: int = 0
     use_palms: bool = True
+    dynamics: DynamicsName = "quasi-static"
+    dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
 
 
 @dataclass(frozen=True)
@@ -98,10 +110,15 @@ class ContactPlanner:
         self.check = TransitionCheck(self.pool, robot, ik, self.packed, self.options.cone)
         self.domain = ContactDomain(
             self.packed, robot, self.goal, model or transition_model(), self.check, self.options.weights,
-            self.options.heuristic, self.options.use_palms,
+            self.options.heuristic, self.options.use_palms, self.options.dynamics == "quasi-static",
         )  # fmt: skip
-        numbers = [-1 if c is None else self.pool.add_contact(c) for c in self.start.contacts]
-        self._start_state: State = (numbers[0], numbers[1], numbers[2], numbers[3], -1)
+        held = tuple(-1 if c is None else self.pool.add_contact(c) for c in self.start.contacts)
+        self._start_state: State = (*held, -1)
+        self.dynamic: DynamicDomain | None = None
+        if self.options.dynamics != "quasi-static":
+            self.dynamic = DynamicDomain(self.domain, self._evaluator(robot), self.options.dynamic_weights)
+            com = self.start.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
+            self._start_state = self.dynamic.start(held, com)
         self.search: AnaStar[State] | None = None
         self.setup_s = time.perf_counter() - began
 
@@ -112,9 +129,8 @@ class ContactPlanner:
 
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
         """Yields ever cheaper plans until a limit fires; `why_not` explains the lack of one."""
-        self.search = AnaStar(
-            self.domain, self._start_state, self.options.epsilon, self.options.seed, limits, clock=clock
-        )
+        domain = self.dynamic or self.domain
+        self.search = AnaStar(domain, self._start_state, self.options.epsilon, self.options.seed, limits, clock=clock)
         for found in self.search.run():
             stances = tuple(self._stance(s) for s in found.path)
             bound = found.bound if self.options.heuristic == "admissible" else None
@@ -127,7 +143,7 @@ class ContactPlanner:
 
     def why_not(self) -> str:
         """Why there is no plan, in one line."""
-        if not np.isfinite(self.domain.heuristic([self._start_state])[0]):
+        if not np.isfinite(self.domain.heuristic([self._start_state[:5]])[0]):
             return "goal unreachable on the grid: no way for the torso from start to goal over ground in reach"
         search = self.search
         if search is None:
@@ -137,6 +153,9 @@ class ContactPlanner:
             return f"{limit[search.ended_by]} after {search.expansions} expansions"
         counts = ", ".join(f"{name} {count}" for name, count in self.domain.rejections.most_common() if count)
         return f"search exhausted after {search.expansions} expansions; candidates rejected by: {counts or 'nothing'}"
+
+    def _evaluator(self, robot: Robot) -> DynamicsEvaluator:
+        return ExactDynamics(self.pool, robot, transition_options(robot, self.options.cone))
 
     def _stance(self, state: State) -> Stance:
         return Stance(tuple(None if n < 0 else self.pool.contact(n) for n in state[:4]))

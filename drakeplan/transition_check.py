@@ -12,7 +12,7 @@ import copy
 
 import numpy as np
 
-from drakeplan.contact_pool import ContactPool
+from drakeplan.contact_pool import ContactPool, Held
 from optimization.friction import cone_generators, cone_index, frame_stands_alone
 from optimization.static_equilibrium import com_polygon
 from optimization.terrain_clearance import limbs, penetration
@@ -20,11 +20,11 @@ from optimization.whole_body_ik import IkOptions, WholeBodyIK
 from scenes.packed_terrain import PackedTerrain
 from scenes.robot import Robot
 
-Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 MAX_CORNERS = 48  # of a balance polygon
 BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,
 MARGIN_SHARE = 0.4  # or, in narrow ones, this share of the way from the edge to the centroid
 JOINT_RESERVE = 0.1  # [rad] of either end of a leg joint's range left to the motion, while no palm asks for a stretch
+COM_ROOM = 0.08  # [m] half width of the square in which a posture's CoM must lie where the dynamics ask for a place
 LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion stage moves it out
 
 
@@ -44,6 +44,7 @@ class TransitionCheck:
         self._regions: dict[Held, np.ndarray | None] = {}
         self._postures: dict[tuple[Held, Held], tuple[str, np.ndarray]] = {}
         self._seeds: dict[Held, np.ndarray] = {}
+        self._at_com: dict[tuple[Held, tuple[int, ...]], tuple[str, np.ndarray]] = {}
         self.num_ik = 0
 
     def stands_alone(self, number: int) -> bool:
@@ -83,6 +84,21 @@ class TransitionCheck:
         support = (*held[:mover], -1, *held[mover + 1 :])
         return self._posture(held, support, self._seeds.get(held))
 
+    def at_com(self, held: Held, com: np.ndarray) -> str:
+        """Why the body cannot hold these contacts with its CoM over (3,) `com`: "", "reach", "balance" or "collision".
+
+        Balance is not asked for: in motion the dynamics decide it. The CoM may be `COM_ROOM` off, since what a single
+        transition leaves open the whole sequence decides.
+        """
+        cell = tuple(np.round(com[:2] / (0.5 * COM_ROOM)).astype(int).tolist())
+        known = self._at_com.get((held, cell))
+        if known is None:
+            square = com[:2] + COM_ROOM * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+            known = self._at_com[held, cell] = self._solve_over(held, square, self._seeds.get(held))
+            if not known[0]:
+                self._seeds.setdefault(held, known[1])
+        return known[0]
+
     def posture(self, held: Held, support: Held) -> np.ndarray | None:
         """(nq,) the configuration found for these contacts over this support, None if there is none."""
         reason, q = self._postures.get((held, support), ("unknown", np.zeros(0)))
@@ -97,8 +113,10 @@ class TransitionCheck:
 
     def _solve_posture(self, held: Held, support: Held, seed: np.ndarray | None) -> tuple[str, np.ndarray]:
         region = self.region(support)
-        if region is None:
-            return "balance", np.zeros(0)
+        return ("balance", np.zeros(0)) if region is None else self._solve_over(held, region, seed)
+
+    def _solve_over(self, held: Held, region: np.ndarray, seed: np.ndarray | None) -> tuple[str, np.ndarray]:
+        """A posture with these contacts and the CoM over a polygon, or why there is none."""
         active = np.array([n >= 0 for n in held])
         X_WE = np.tile(np.eye(4), (len(held), 1, 1))
         for e, n in enumerate(held):
