@@ -26,12 +26,12 @@ def cost_terms(
     """
     diagonal, target = np.zeros(num_vars), np.zeros(num_vars)
     dt, weight = problem.schedule.dt[:, None], problem.mass * GRAVITY
-    step = COST_SCALE * dt / REFERENCE_STEP
+    step = COST_SCALE * (np.ones_like(dt) if weights.per_knot else dt / REFERENCE_STEP)
     moment = (weight * ARM) ** 2
-    diagonal[index["v"]] = step * weights.linear_momentum * problem.mass**2
-    diagonal[index["a"]] = step * weights.linear_momentum_rate * weight**2
-    diagonal[index["k"]] = step * weights.angular_momentum * moment
-    diagonal[index["kdot"]] = step * weights.angular_momentum_rate * moment
+    diagonal[index["v"]] = step * np.multiply(weights.linear_momentum, problem.mass**2)
+    diagonal[index["a"]] = step * np.multiply(weights.linear_momentum_rate, weight**2)
+    diagonal[index["k"]] = step * np.multiply(weights.angular_momentum, moment)
+    diagonal[index["kdot"]] = step * np.multiply(weights.angular_momentum_rate, moment)
     if problem.angular_momentum_reference is not None:
         reference = problem.angular_momentum_reference / (weight * ARM)
         target[index["k"]] = reference[1:]
@@ -39,6 +39,13 @@ def cost_terms(
     if problem.com_reference is not None:
         diagonal[index["com"]] = step * weights.com_tracking
         target[index["com"]] = problem.com_reference[1:] - problem.initial_com
+    for name, final, unit in (
+        ("v", weights.final_linear_momentum, problem.mass**2),
+        ("k", weights.final_angular_momentum, moment),
+        ("com", weights.final_com if problem.com_reference is not None else None, 1.0),
+    ):
+        if final is not None:
+            diagonal[index[name][-1]] = COST_SCALE * np.multiply(final, unit)
     each = step[interval]
     lateral = weights.force + weights.lateral_force
     diagonal[index["wrench"]] = each * np.array([lateral, lateral, weights.force, 0, 0, 0])

@@ -19,11 +19,14 @@ COST_SCALE = 1e-3  # the documents' cost of a transition is 100 to 1000
 LEAST_PRESSURE_LOAD = 0.01  # [M g]: in the cost, a centre of pressure is that of a contact loaded with at least this
 PENALTY = 300.0  # L1 weight [scaled cost per unit] of breaking a limit on angular momentum or reach
 UP = np.array([0.0, 0.0, 1.0])
+PerAxis = float | tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class CentroidalWeights:
     """Weights of the objective, as in Lin 2020 sec. 6.7: momenta and torques in SI, forces in units of M g.
+
+    Those on momenta and their rates are one number or one for each world axis.
 
     Attributes:
         linear_momentum: on |l|^2 [kg m/s].
@@ -35,23 +38,33 @@ class CentroidalWeights:
         lateral_force: on the squared tangential force of each contact (eq. 6.4) [M g].
         pressure_centre: on the squared centre of pressure over the patch's lengths (eq. 6.5) [-].
         com_tracking: on |com - com_reference|^2 [m], used where a reference is given.
+        final_linear_momentum, final_angular_momentum: in place of those on |l|^2 and |k - k_ref|^2 at the last knot, and
+            final_com: in place of `com_tracking` there; None where they are the same as everywhere. For one knot.
+        per_knot: whether all are for one knot whatever its length, and not for REFERENCE_STEP (Ponton et al. 2018).
     """
 
-    linear_momentum: float = 0.2
-    linear_momentum_rate: float = 0.01
-    angular_momentum: float = 1.0
-    angular_momentum_rate: float = 0.3
+    linear_momentum: PerAxis = 0.2
+    linear_momentum_rate: PerAxis = 0.01
+    angular_momentum: PerAxis = 1.0
+    angular_momentum_rate: PerAxis = 0.3
     force: float = 0.01
     torque: float = 1.0
     lateral_force: float = 10.0
     pressure_centre: float = 1.0
     com_tracking: float = 1000.0
+    final_linear_momentum: PerAxis | None = None
+    final_angular_momentum: PerAxis | None = None
+    final_com: PerAxis | None = None
+    per_knot: bool = False
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
+            values = value if isinstance(value, tuple) else (value,)
+            if value is not None and not all(math.isfinite(number) and number >= 0 for number in values):
                 raise InputError(f"centroidal weights: {name} must be a finite number >= 0, got {value}")
+            if len(values) not in (1, 3):
+                raise InputError(f"centroidal weights: {name} must be one number or three, got {value}")
 
 
 @dataclass(frozen=True)
