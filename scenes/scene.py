@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from scenes.contact import Contact
+from scenes.disturbance import Disturbance
 from scenes.terrain import Terrain
 
 
@@ -38,23 +37,6 @@ class Goal:
     xyz: tuple[float, float, float]
     radius: float = 0.2
     yaw: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Disturbance:
-    """Pushes that may happen in a region (Lin 2020 sec. 7.4).
-
-    Attributes:
-        impulses: (K, 3) [kg m/s].
-        probability: per 0.1 s [-].
-        box_size: (3,) [m] of the region, None for everywhere.
-        X_WR: (4, 4) pose of the region's centre in W.
-    """
-
-    impulses: np.ndarray
-    probability: float
-    box_size: tuple[float, float, float] | None = None
-    X_WR: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

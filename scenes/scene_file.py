@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from scenes.contact import NEAR_LEVEL, Contact
+from scenes.disturbance import Disturbance
 from scenes.effector import EFFECTORS, is_foot
 from scenes.input_error import InputError, unknown_name
 from scenes.mesh_import import MESH_PREFIX, MeshImport, check_up_axis, import_mesh, mesh_name
 from scenes.mesh_path import mesh_path
 from scenes.pose import pose_matrix
-from scenes.scene import Disturbance, Goal, Scene, Start
+from scenes.scene import Goal, Scene, Start
 from scenes.scene_schema import (
     ContactEntry,
     DisturbanceEntry,

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.disturbance import Disturbance
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 from scenes.mesh_import import MESH_PREFIX, ImportedMesh
 from scenes.mesh_path import PACKAGE_SCHEME
 from scenes.pose import rotation_rpy
-from scenes.scene import Disturbance, Scene, Start
+from scenes.scene import Scene, Start
 from scenes.scene_schema import FORMAT, VERSION
 from scenes.surface import Surface
 from scenes.terrain import Box, Terrain, TriangleMesh

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenes.disturbance import Disturbance
 from scenes.library.plates import GOAL_RADIUS, START, level_plate
-from scenes.scene import Disturbance, Goal, Scene
+from scenes.scene import Goal, Scene
 from scenes.terrain import Terrain
 
 HALF_WIDTH = 0.35  # [m]

@@ -8,13 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenes.contact import Contact, contact_pose
+from scenes.disturbance import Disturbance
 from scenes.effector import EFFECTORS, is_foot
 from scenes.input_error import InputError
 from scenes.library import NAMED_SCENES
 from scenes.library.plates import tilt_rotation
 from scenes.planar_regions import GRID
 from scenes.pose import pose_matrix
-from scenes.scene import Disturbance, Goal, Scene, Start
+from scenes.scene import Goal, Scene, Start
 from scenes.scene_file import read_scene, scene_from_yaml, scene_to_yaml, write_scene
 from scenes.scene_source import load_scene
 from scenes.surface import Surface
