@@ -1,0 +1,1 @@
+"""Training of surrogates: the only place that imports torch."""

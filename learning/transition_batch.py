@@ -1,0 +1,84 @@
+"""Contact transitions as arrays: what a search hands to a surrogate, one row a child."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.effector import EFFECTORS
+from scenes.stance import Stance, changed_effector
+
+
+@dataclass(frozen=True, eq=False)
+class TransitionBatch:
+    """n transitions as arrays; poses of end effectors that hold nothing may be anything finite.
+
+    Attributes:
+        held: (n, E) bool, which end effectors hold a contact before.
+        p: (n, E, 3) their contact points in W [m].
+        R: (n, E, 3, 3) their contact frames in W.
+        mover: (n,) int, the end effector that moves, index into `EFFECTORS`.
+        makes: (n,) bool, whether the mover holds a contact after.
+        p_new: (n, 3) its contact point in W [m].
+        R_new: (n, 3, 3) its contact frame in W.
+        com: (n, 3) CoM in W at the start [m].
+        velocity: (n, 3) its velocity in W [m/s].
+        friction: (n,) least coefficient among the contacts that take part [-], or None: as in training.
+    """
+
+    held: np.ndarray
+    p: np.ndarray
+    R: np.ndarray
+    mover: np.ndarray
+    makes: np.ndarray
+    p_new: np.ndarray
+    R_new: np.ndarray
+    com: np.ndarray
+    velocity: np.ndarray
+    friction: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        n, E = len(self.held), len(EFFECTORS)
+        shapes = {"held": (n, E), "p": (n, E, 3), "R": (n, E, 3, 3), "mover": (n,), "makes": (n,), "p_new": (n, 3),
+                  "R_new": (n, 3, 3), "com": (n, 3), "velocity": (n, 3)}  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"transition batch: {name} has shape {getattr(self, name).shape}, expected {shape}")
+        if self.friction is not None and self.friction.shape != (n,):
+            raise ValueError(f"transition batch: friction has shape {self.friction.shape}, expected {(n,)}")
+
+    def __len__(self) -> int:
+        return len(self.held)
+
+    def take(self, rows: np.ndarray) -> TransitionBatch:
+        """These rows of it, by index or mask."""
+        arrays = (self.held, self.p, self.R, self.mover, self.makes, self.p_new, self.R_new, self.com, self.velocity)
+        return TransitionBatch(*(a[rows] for a in arrays), None if self.friction is None else self.friction[rows])
+
+    @classmethod
+    def from_stances(
+        cls, stances: Sequence[tuple[Stance, Stance]], com: np.ndarray, velocity: np.ndarray
+    ) -> TransitionBatch:
+        """The batch of (before, after) pairs with (n, 3) CoMs [m] and velocities [m/s].
+
+        Raises:
+            ValueError: a pair differs in none or in more than one end effector.
+        """
+        n, E = len(stances), len(EFFECTORS)
+        held, makes, mover = np.zeros((n, E), bool), np.zeros(n, bool), np.zeros(n, np.int64)
+        X, X_new, friction = np.tile(np.eye(4), (n, E, 1, 1)), np.tile(np.eye(4), (n, 1, 1)), np.full(n, np.inf)
+        for i, (before, after) in enumerate(stances):
+            mover[i] = changed_effector(before, after)
+            for e, contact in enumerate(before.contacts):
+                if contact is not None:
+                    held[i, e], X[i, e] = True, contact.X_WC
+            made = after.contacts[mover[i]]
+            if made is not None:
+                makes[i], X_new[i] = True, made.X_WC
+            friction[i] = min((c.friction for c in (*before.held, *after.held)), default=np.inf)
+        return cls(
+            held, X[..., :3, 3].copy(), X[..., :3, :3].copy(), mover, makes, X_new[:, :3, 3].copy(),
+            X_new[:, :3, :3].copy(), np.array(com, float).reshape(n, 3), np.array(velocity, float).reshape(n, 3), friction,
+        )  # fmt: skip
