@@ -10,4 +10,5 @@ BENCHES = {
     "scale": "growth with the number of surfaces and with the distance",
     "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
     "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",
+    "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
 }

@@ -27,11 +27,13 @@ class BenchOptions:
         seeds: how many seeds, from 0.
         robot: name.
         tell: called with one line of progress.
+        case: file with a published case, for the benchmarks that read one.
     """
 
     seeds: int = 50
     robot: str = "escher"
     tell: Callable[[str], None] = field(default=lambda line: None)
+    case: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scenes.input_error import InputError, unknown_name
 if TYPE_CHECKING:
     from drakeplan.bench.table import BenchTable
 
-NAMES = "\n".join(f"  {name:<9}  {about}" for name, about in BENCHES.items())
+NAMES = "\n".join(f"  {name:<11}  {about}" for name, about in BENCHES.items())
 ABOUT = f"""Runs one benchmark or all of them.
 
 Every run is appended to a SQLite file; where there is a folder docs, its benchmarks.md gets the new table.
@@ -27,6 +27,7 @@ benchmarks:
 examples:
   drakeplan bench first
   drakeplan bench scale --seeds 5
+  drakeplan bench momentumopt --case momentumopt_demo01.json
   drakeplan bench --json"""
 
 PAGE = Path("docs/benchmarks.md")
@@ -42,6 +43,8 @@ class Arguments:
     """how many seeds, from 0; some benchmarks use fewer"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
     """whose plans are measured"""
+    case: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
+    """a published case, for momentumopt (default: from the folder that DRAKEPLAN_CASES names)"""
     database: Annotated[str, tyro.conf.arg(metavar="FILE")] = "out/bench.sqlite"
     """where every run is kept"""
     page: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
@@ -59,6 +62,8 @@ def run(arguments: Arguments) -> int:
     page = Path(arguments.page) if arguments.page is not None else PAGE if PAGE.parent.is_dir() else None
     if page is not None and not page.parent.is_dir():
         raise InputError(f"--page: there is no folder {page.parent}")
+    if arguments.case is not None and not Path(arguments.case).is_file():
+        raise InputError(f"--case: there is no file {arguments.case}")
     tables = []
     for name in [arguments.name] if arguments.name else BENCHES:
         tables.append(_run_one(name, arguments, page))
@@ -79,7 +84,8 @@ def _run_one(name: str, arguments: Arguments, page: Path | None) -> BenchTable:
     def tell(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
-    options = BenchOptions(arguments.seeds, arguments.robot, tell)
+    case = Path(arguments.case) if arguments.case is not None else None
+    options = BenchOptions(arguments.seeds, arguments.robot, tell, case)
     table = import_module(f"drakeplan.bench.{name}").run(options)
     record(table, options, Path(arguments.database))
     if page is not None:

@@ -1,0 +1,77 @@
+"""The centroidal program against published reference solutions of momentumopt, under the reference's own rules.
+
+The reference's forces are not published, so its objective is counted without them and ours with them: a lower figure of
+ours is lower whatever the reference's forces were.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from drakeplan.bench.momentumopt_case import Variant, read_case
+from drakeplan.bench.table import BenchOptions, BenchTable
+from optimization.centroidal_trajectory import CentroidalTrajectory
+
+FILE = "momentumopt_demo01.json"
+NEAR = 0.06  # of every component of com, linear and angular momentum: the reference's own test [m, kg m/s, N m s]
+HOLDS = 1e-6  # greatest violation of a rule, in M g, M g m, m or N m
+COLUMNS = (
+    "variant", "timing", "objective", "reference", "com off m", "l off kg m/s", "k off N m s", "worst violation", "rule",
+    "verdict", "programs", "time s",
+)  # fmt: skip
+
+
+def run(options: BenchOptions) -> BenchTable:
+    """Every variant of `options.case`, or of the file in the folder that DRAKEPLAN_CASES names."""
+    case = options.case
+    if case is None and (folder := os.environ.get("DRAKEPLAN_CASES")):
+        case = Path(folder) / FILE
+    title = "Centroidal program against momentumopt"
+    if case is None:
+        return BenchTable(
+            "momentumopt", f"{title}: skipped, no --case and DRAKEPLAN_CASES names no folder", COLUMNS, ()
+        )
+    rows = []
+    for variant in read_case(case):
+        for row in compare(variant):
+            rows.append(row)
+            options.tell(f"{row[0]}, {row[1]}: {row[9]}, {row[2]:.1f} against {row[3]:.1f}")
+    notes = (
+        f"within: every component at every knot within {NEAR} of the reference; lower: a lower objective under the same"
+        f" rules, each recomputed from forces, pressure centres and torques and held to {HOLDS:g}.",
+        "The objective counts forces and torques, the reference's does not: they are not published.",
+    )
+    return BenchTable("momentumopt", title, COLUMNS, tuple(rows), notes)
+
+
+def compare(variant: Variant) -> list[tuple[object, ...]]:
+    """One row for the reference's own timing, and one more where timing is free."""
+    dt = variant.problem.schedule.dt if variant.reference_dt is None else variant.reference_dt
+    started = time.perf_counter()
+    problem = replace(variant.problem, schedule=replace(variant.problem.schedule, dt=dt))
+    estimate = variant.build(problem, variant.options).solve()
+    elapsed = time.perf_counter() - started
+    timing = "given" if variant.reference_dt is None else "the reference's"
+    return [judge(variant, timing, dt, estimate.trajectory, len(estimate.records), elapsed)]
+
+
+def judge(
+    variant: Variant, timing: str, dt: np.ndarray, t: CentroidalTrajectory | None, programs: int, elapsed: float
+) -> tuple[object, ...]:
+    """The row of a trajectory; `dt` (N-1,) are the reference's intervals [s]."""
+    reference = variant.objective(dt, *variant.reference)
+    if t is None:
+        return variant.name, timing, np.inf, reference, *(np.nan,) * 4, "", "no answer", programs, elapsed
+    ours = variant.cost(t)
+    whole = t.com, t.linear_momentum, t.angular_momentum
+    off = [float(np.abs(a[1:] - b).max()) for a, b in zip(whole, variant.reference, strict=True)]
+    rule, worst = max(variant.violations(t).items(), key=lambda item: item[1])
+    verdict = "breaks a rule" if worst > HOLDS else "within" if max(off) <= NEAR else "lower"
+    if verdict == "lower" and ours > reference:
+        verdict = "higher"
+    return variant.name, timing, ours, reference, *off, worst, rule if worst > 0 else "", verdict, programs, elapsed
