@@ -19,6 +19,7 @@ SCENE is a name, a scene file, hpp/MESH (a mesh of the hpp-environments package)
 examples:
   drakeplan scenes list
   drakeplan scenes show rubble_corridor --seed 3
+  drakeplan scenes show narrow_flat --html strip.html
   drakeplan scenes export rubble_corridor corridor.yaml --seed 3"""
 
 
@@ -36,6 +37,8 @@ class Arguments:
     """where to export it to"""
     seed: int = 0
     """of the scenes that draw something"""
+    html: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
+    """with show: a page with the terrain, the goal and the disturbances"""
     json: bool = False
     """one JSON object on standard output"""
 
@@ -47,6 +50,8 @@ def run(arguments: Arguments) -> int:
     if given != wanted:
         usage = {"list": "list", "show": "show SCENE", "export": "export SCENE FILE"}[arguments.action]
         raise InputError(f"drakeplan scenes: expected: drakeplan scenes {usage}")
+    if arguments.html is not None and arguments.action != "show":
+        raise InputError(f"--html: goes with scenes show, not with scenes {arguments.action}")
     return {"list": _list, "show": _show, "export": _export}[arguments.action](arguments)
 
 
@@ -66,7 +71,15 @@ def _list(arguments: Arguments) -> int:
 
 
 def _show(arguments: Arguments) -> int:
+    if arguments.html is not None:
+        from drakeplan.plan_file import require_writable
+
+        require_writable(arguments.html)
     scene = _load(arguments)
+    if arguments.html is not None:
+        from drakeplan.playback import write_scene_page
+
+        write_scene_page(scene, arguments.html)
     facts = _facts(scene)
     if arguments.json:
         from drakeplan.cli.output import print_json

@@ -17,8 +17,8 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from drakeplan.plan import Plan
 from drakeplan.playback.animation import animate
-from drakeplan.playback.page import finished_page
-from drakeplan.playback.still import draw_still, light_and_look
+from drakeplan.playback.page import finished_page, finished_scene_page
+from drakeplan.playback.still import draw_scene, draw_still, light_and_look
 from drakeplan.playback.view import View, choose_view
 from scenes.input_error import InputError
 from scenes.robot import Robot, load_robot
@@ -30,7 +30,15 @@ UP = np.array([0.0, 0.0, 1.0])
 MOST_LIT = 2.5  # times the size of the way: farther off there is no sun, for the sake of sharp shadows
 HEAD_ABOVE_COM = 0.75  # [m] that the camera leaves room for
 
-__all__ = ["open_meshcat", "page_html", "robot_of", "show_plan", "write_page"]
+__all__ = [
+    "open_meshcat",
+    "page_html",
+    "robot_of",
+    "scene_page_html",
+    "show_plan",
+    "write_page",
+    "write_scene_page",
+]
 
 
 def show_plan(plan: Plan, meshcat: Meshcat, robot: Robot | None = None) -> View:
@@ -48,7 +56,7 @@ def show_plan(plan: Plan, meshcat: Meshcat, robot: Robot | None = None) -> View:
         InputError: an unknown robot, or one whose model is not the plan's.
     """
     robot = robot or robot_of(plan)
-    scene = scene_from_yaml(plan.scene_yaml, f"plan of {plan.scene_name}", mesh_triangles=plan.triangles)
+    scene = _scene_of(plan)
     draw_still(meshcat, plan, scene)
     animate(meshcat, plan, robot)
     view, extent = _camera(plan, scene)
@@ -65,7 +73,30 @@ def page_html(plan: Plan, robot: Robot | None = None) -> str:
     robot = robot or robot_of(plan)
     meshcat = open_meshcat()
     show_plan(plan, meshcat, robot)
-    return finished_page(meshcat.StaticHtml(), plan)
+    return finished_page(meshcat.StaticHtml(), plan, _scene_of(plan))
+
+
+def scene_page_html(scene: Scene) -> str:
+    """A scene without a plan as one page with everything inline: terrain, goal, disturbances."""
+    meshcat = open_meshcat()
+    triangles = scene.terrain.triangles
+    pushes = draw_scene(meshcat, scene, triangles)
+    corners = np.stack(scene.terrain.extent)
+    ends = [e.xyz for e in (scene.start, scene.goal) if e is not None and np.isfinite(e.xyz).all()]
+    way = np.array(ends) if len(ends) == 2 else corners.mean(axis=0, keepdims=True)
+    points = np.concatenate([*(s.vertices for s in scene.terrain.surfaces), triangles.reshape(-1, 3), pushes])
+    view = choose_view(way + 0.1 * UP, points, np.concatenate([*_fans(scene), triangles]))
+    light_and_look(meshcat, view, float(np.linalg.norm(points - view.target, axis=1).max()) + 1.0)
+    return finished_scene_page(meshcat.StaticHtml(), scene)
+
+
+def write_scene_page(scene: Scene, path: str | Path) -> None:
+    """Writes `scene_page_html` in one step.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    _write_whole(scene_page_html(scene), Path(path))
 
 
 def write_page(plan: Plan, path: str | Path, robot: Robot | None = None) -> None:
@@ -74,8 +105,10 @@ def write_page(plan: Plan, path: str | Path, robot: Robot | None = None) -> None
     Raises:
         InputError: as `show_plan`, or the file cannot be written.
     """
-    path = Path(path)
-    text = page_html(plan, robot)
+    _write_whole(page_html(plan, robot), Path(path))
+
+
+def _write_whole(text: str, path: Path) -> None:
     partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}")
     try:
         partial.write_text(text, encoding="utf-8")
@@ -119,6 +152,18 @@ def robot_of(plan: Plan) -> Robot:
     return robot
 
 
+def _scene_of(plan: Plan) -> Scene:
+    return scene_from_yaml(plan.scene_yaml, f"plan of {plan.scene_name}", mesh_triangles=plan.triangles)
+
+
+def _fans(scene: Scene) -> list[np.ndarray]:
+    """The surfaces as triangles, (K, 3, 3) each [m]."""
+    return [
+        np.stack([np.broadcast_to(s.vertices[0], (len(s.vertices) - 2, 3)), s.vertices[1:-1], s.vertices[2:]], axis=1)
+        for s in scene.terrain.surfaces
+    ]
+
+
 def _camera(plan: Plan, scene: Scene) -> tuple[View, float]:
     """The view on the whole way, and how far from its target the sun must reach [m]."""
     contacts = plan.contacts.X_WC[:, :3, 3]
@@ -126,11 +171,7 @@ def _camera(plan: Plan, scene: Scene) -> tuple[View, float]:
     top = HEAD_ABOVE_COM if plan.centroidal is not None else 0.0
     goal = [scene.goal.xyz] if scene.goal is not None and np.isfinite(scene.goal.xyz).all() else []
     points = np.concatenate([way, way + top * UP, contacts, np.reshape(goal, (-1, 3))])
-    fans = [
-        np.stack([np.broadcast_to(s.vertices[0], (len(s.vertices) - 2, 3)), s.vertices[1:-1], s.vertices[2:]], axis=1)
-        for s in scene.terrain.surfaces
-    ]
-    view = choose_view(way, points, np.concatenate([*fans, plan.triangles]))
+    view = choose_view(way, points, np.concatenate([*_fans(scene), plan.triangles]))
     near = float(np.linalg.norm(points - view.target, axis=1).max()) + 1.0
     corners = np.stack(scene.terrain.extent)
     whole = float(np.linalg.norm(np.maximum(*np.abs(corners - view.target))))

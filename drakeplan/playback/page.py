@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 
 from drakeplan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
+from drakeplan.playback.pushes import PUSH_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR
+from scenes.disturbance import PERIOD
+from scenes.scene import Scene
 
 # Play, pause and a time slider in sight; meshcat's own are two clicks deep in its panel.
 # `#t=3.5` in the address stops the motion there; `&still` hides the control panel, `&bare` the legend too.
@@ -75,20 +79,14 @@ STYLE = """
 """
 
 
-def finished_page(meshcat_page: str, plan: Plan) -> str:
-    """The page with its title, legend and time slider; everything in it is inline.
+def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
+    """The page of a plan with its title, legend and time slider; everything in it is inline.
 
     Args:
         meshcat_page: what `Meshcat.StaticHtml` gives.
         plan: whose page it is.
+        scene: the plan's.
     """
-    title = html.escape(f"{plan.scene_name} · {plan.robot} · drakeplan")
-    page = meshcat_page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
-    head, body_end, tail = page.rpartition("</body>")
-    return head + STYLE + _legend(plan) + CONTROLS + body_end + tail
-
-
-def _legend(plan: Plan) -> str:
     contacts = [int((plan.contacts.effector == e).sum()) for e in range(len(plan.effectors))]
     shown = [
         (_css(EFFECTOR_COLOURS[name]), f"{name.replace('_', ' ')} ({count})")
@@ -97,12 +95,40 @@ def _legend(plan: Plan) -> str:
     ]
     if plan.motion is not None:
         shown += [(_css(COM_COLOUR), "centre of mass"), (_css(FORCE_COLOUR), "contact force")]
-    shown.append((_css(GOAL_COLOUR), "goal"))
     facts = f"{len(plan.stances)} stances"
     facts += f", {plan.duration:.1f} s" if plan.motion is not None else ", contacts only: no motion was found"
+    return _dressed(meshcat_page, [plan.scene_name, plan.robot, facts], [*shown, *_of_scene(scene)], CONTROLS)
+
+
+def finished_scene_page(meshcat_page: str, scene: Scene) -> str:
+    """The page of a scene without a plan, with its title and legend."""
+    return _dressed(meshcat_page, [scene.name, _count(len(scene.terrain.surfaces), "surface")], _of_scene(scene), "")
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" + ("s" if number != 1 else "")
+
+
+def _of_scene(scene: Scene) -> list[tuple[str, str]]:
+    """Colour and text of the legend's entries that a scene brings."""
+    shown = [(_css(GOAL_COLOUR), "goal")] if scene.goal is not None else []
+    if scene.disturbances:
+        count = sum(len(d.impulses) for d in scene.disturbances)
+        likely = ", ".join(f"{100 * d.probability:.3g} %" for d in scene.disturbances[:4])
+        more = ", ..." if len(scene.disturbances) > 4 else ""
+        shown.append((_css(PUSH_COLOUR), f"pushes ({count}), {likely}{more} in {PERIOD} s"))
+    return shown
+
+
+def _dressed(meshcat_page: str, words: Sequence[str], shown: Sequence[tuple[str, str]], controls: str) -> str:
+    """The page with a title, a legend of colours and texts, and controls."""
+    title = html.escape(" · ".join([*words[:2], "drakeplan"]))
+    page = meshcat_page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
+    head, body_end, tail = page.rpartition("</body>")
     entries = "".join(f'<span><i style="background:{colour}"></i>{html.escape(text)}</span> ' for colour, text in shown)
-    heading = f"<b>{html.escape(plan.scene_name)}</b> &middot; {html.escape(plan.robot)} &middot; {html.escape(facts)}"
-    return f'\n<div id="plan-legend">{heading}<br>{entries}</div>\n'
+    heading = " &middot; ".join([f"<b>{html.escape(words[0])}</b>", *(html.escape(word) for word in words[1:])])
+    legend = f'\n<div id="plan-legend">{heading}<br>{entries}</div>\n'
+    return head + STYLE + legend + controls + body_end + tail
 
 
 def _css(colour: object) -> str:

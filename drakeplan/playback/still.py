@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drakeplan.plan import Plan
 from drakeplan.playback import terrain_mesh
+from drakeplan.playback.pushes import draw_pushes
 from drakeplan.playback.view import FIELD_OF_VIEW, View
 from scenes.scene import Scene
 
@@ -28,19 +29,8 @@ PATCH = 0.008  # [m] thickness of a contact's patch, the greater part of it abov
 
 
 def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
-    """Draws all that does not move."""
-    surfaces = scene.terrain.surfaces
-    alone = [i for i, facet in enumerate(scene.terrain.surfaces_of_meshes) if not facet]
-    facets = [i for i, facet in enumerate(scene.terrain.surfaces_of_meshes) if facet]
-    walls = [i for i in alone if terrain_mesh.is_wall(surfaces[i])]
-    plates = [i for i in alone if not terrain_mesh.is_wall(surfaces[i])]
-    _mesh(meshcat, "terrain/plates", terrain_mesh.plate_mesh(surfaces, plates))
-    _mesh(meshcat, "terrain/facets", terrain_mesh.facet_mesh(surfaces, facets))
-    _walls(meshcat, terrain_mesh.wall_mesh(surfaces, walls))
-    _mesh(meshcat, "terrain/obstacles", terrain_mesh.rock_mesh(plan.triangles))
-    starts, ends = terrain_mesh.outlines(surfaces)
-    grey = Rgba(*terrain_mesh.OUTLINE)
-    meshcat.SetLineSegments(f"{ROOT}/terrain/outlines", starts.T, ends.T, 1.0, grey)
+    """Draws all of a plan that does not move."""
+    draw_scene(meshcat, scene, plan.triangles)
     for c in range(len(plan.contacts)):
         _patch(meshcat, plan, c)
     if len(plan.contacts):
@@ -51,8 +41,34 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
         )
     if plan.centroidal is not None:
         _com_path(meshcat, plan.centroidal.com)
+
+
+def draw_scene(meshcat: Meshcat, scene: Scene, triangles: np.ndarray) -> np.ndarray:
+    """Draws the terrain, the goal and the disturbances.
+
+    Args:
+        meshcat: where.
+        scene: what.
+        triangles: (K, 3, 3) of its obstacles and meshes [m].
+
+    Returns:
+        (M, 3) points that a picture of the disturbances must hold [m].
+    """
+    surfaces = scene.terrain.surfaces
+    alone = [i for i, facet in enumerate(scene.terrain.surfaces_of_meshes) if not facet]
+    facets = [i for i, facet in enumerate(scene.terrain.surfaces_of_meshes) if facet]
+    walls = [i for i in alone if terrain_mesh.is_wall(surfaces[i])]
+    plates = [i for i in alone if not terrain_mesh.is_wall(surfaces[i])]
+    _mesh(meshcat, "terrain/plates", terrain_mesh.plate_mesh(surfaces, plates))
+    _mesh(meshcat, "terrain/facets", terrain_mesh.facet_mesh(surfaces, facets))
+    _walls(meshcat, terrain_mesh.wall_mesh(surfaces, walls))
+    _mesh(meshcat, "terrain/obstacles", terrain_mesh.rock_mesh(triangles))
+    starts, ends = terrain_mesh.outlines(surfaces)
+    grey = Rgba(*terrain_mesh.OUTLINE)
+    meshcat.SetLineSegments(f"{ROOT}/terrain/outlines", starts.T, ends.T, 1.0, grey)
     if scene.goal is not None:
         _goal(meshcat, np.asarray(scene.goal.xyz, float), scene.goal.radius)
+    return draw_pushes(meshcat, scene, ROOT)
 
 
 def _walls(meshcat: Meshcat, mesh: terrain_mesh.ColouredMesh) -> None:
