@@ -66,10 +66,11 @@ class ContactPool:
         return numbers
 
     def add_contact(self, contact: Contact) -> int:
-        """The number of a given contact, kept exactly as it is."""
-        number = self._append(
-            EFFECTORS.index(contact.effector), contact.p_WC, contact.R_WC, contact.heading, contact.surface
-        )
+        """The number of a given contact, kept exactly as it is; near duplicates that come later get its number."""
+        effector = EFFECTORS.index(contact.effector)
+        number = self._append(effector, contact.p_WC, contact.R_WC, contact.heading, contact.surface)
+        cell = np.round(contact.p_WC / CELL).astype(int).tolist()
+        self._number.setdefault((effector, contact.surface, *cell, round(contact.heading / TURN)), number)
         return number
 
     def contact(self, number: int) -> Contact:

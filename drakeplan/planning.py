@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import resource
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -21,7 +20,9 @@ from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
 from drakeplan.plan import Plan, PlanCentroidal, PlanMotion, PlanPhases, tabulate_stances
 from drakeplan.plan_file import write_plan
 from drakeplan.progress import Progress, ProgressEvent
+from drakeplan.query_record import QueryRecord, SearchClock
 from drakeplan.search.ana_star import Limits
+from drakeplan.sequence_dynamics import sequence_dynamics
 from drakeplan.verifier import Report, verify
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
@@ -32,7 +33,7 @@ from scenes.scene_file import scene_to_yaml
 from scenes.transition_model import transition_model
 
 PLANNERS = ("search",)
-DYNAMICS = ("quasi-static",)
+DYNAMICS = ("quasi-static", "exact")
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
@@ -49,7 +50,8 @@ class PlanOptions:
         goal_radius: replaces the goal's.
         friction: replaces every friction in the scene.
         cone: friction cone by name.
-        planner, dynamics: by name.
+        planner: by name.
+        dynamics: what every transition must satisfy: "quasi-static" balance, or the centroidal program ("exact").
         heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
         transition_model: name of the foot transition model.
         deadline: limits the search alone.
@@ -96,59 +98,6 @@ class PlanResult:
     verification: Report | None = None
 
 
-@dataclass
-class _Clock:
-    """Seconds of search: stands still while something else is done."""
-
-    _offset: float = 0.0
-    _paused_at: float | None = None
-
-    def __call__(self) -> float:
-        return (self._paused_at if self._paused_at is not None else time.perf_counter()) - self._offset
-
-    def pause(self) -> None:
-        self._paused_at = time.perf_counter()
-
-    def resume(self) -> None:
-        if self._paused_at is not None:
-            self._offset += time.perf_counter() - self._paused_at
-            self._paused_at = None
-
-
-@dataclass
-class _Record:
-    """The numbers of a query while it runs."""
-
-    began: float = field(default_factory=time.perf_counter)
-    cost: float | None = None
-    bound: float | None = None
-    contacts: int = 0
-    stances: int = 0
-    palms_used: int = 0
-    expansions: int = 0
-    time_to_first_s: float | None = None
-    time_to_first_feasible_s: float | None = None
-    planning_s: float = 0.0
-    dynamics_s: float = 0.0
-    motion_s: float = 0.0
-    verification_s: float = 0.0
-    repairs: int = 0
-    limits_fired: list[str] = field(default_factory=list)
-
-    def as_dict(self, status: str, reason: str, verification: Report | None) -> dict[str, object]:
-        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "began"}
-        failed = [] if verification is None else [c.name for c in verification.checks if not c.ok]
-        verified = verification is not None and verification.holds
-        return {
-            "status": status,
-            "reason": reason,
-            **values,
-            "total_s": time.perf_counter() - self.began,
-            "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
-            "verified": {"holds": verified, "failed": failed},
-        }
-
-
 def plan_scene(
     scene: Scene, robot: Robot, options: PlanOptions | None = None, progress: Progress | None = None
 ) -> PlanResult:
@@ -167,14 +116,18 @@ def plan_scene(
     tell = progress or (lambda event: None)
     _check_options(options)
     scene = with_options(scene, options)
-    record = _Record()
+    record = QueryRecord()
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
     ik = WholeBodyIK(robot)
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
         warm_up(robot, ik)
         _WARM.add(robot.model_sha256)
     search_options = ContactPlannerOptions(
-        cone=options.cone, heuristic=options.heuristic, seed=options.seed, use_palms=options.use_palms
+        cone=options.cone,
+        heuristic=options.heuristic,
+        seed=options.seed,
+        use_palms=options.use_palms,
+        dynamics=options.dynamics,
     )
     planner = ContactPlanner(scene, robot, ik, search_options, transition_model(options.transition_model))
     scene = _set_down(scene, planner)
@@ -189,12 +142,13 @@ class _Query:
 
     def __init__(
         self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner, ik: WholeBodyIK,
-        record: _Record,
+        record: QueryRecord,
         tell: Progress,
     ) -> None:  # fmt: skip
         self.scene, self.robot, self.options = scene, robot, options
         self.planner, self.record, self.tell = planner, record, tell
-        self.clock = _Clock()
+        self.clock = SearchClock()
+        self._fell_apart = ""  # why the last contact sequence is dynamically infeasible as a whole
         self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone), ik=ik)
 
     def run(self) -> PlanResult:
@@ -224,6 +178,11 @@ class _Query:
         if refused is not None:
             reason, best, verification = refused
             return self._result("contacts", f"contacts found, but {reason}", self._assemble(best, None), verification)
+        if self._fell_apart:
+            reason = (
+                f"{self.record.sequences_tested} contact sequences found, none dynamically feasible: {self._fell_apart}"
+            )
+            return self._result("none", reason, None, None)
         return self._result("none", self.planner.why_not(), None, None)
 
     def _search(self) -> list[ContactPlan]:
@@ -238,17 +197,33 @@ class _Query:
         found = []
         began = self.clock()
         for plan in self.planner.plans(limits, self.clock):
-            found.append(plan)
             if self.record.time_to_first_s is None:
                 self.record.time_to_first_s = plan.elapsed
             self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self.clock() - began))
+            if self.options.dynamics == "quasi-static" or self._holds_together(plan):
+                found.append(plan)
         self.record.planning_s += self.clock() - began
         search = self.planner.search
+        if self.planner.dynamic is not None:
+            self.record.transitions_judged = dict(self.planner.dynamic.evaluator.asked)
         if search is not None:
             self.record.expansions += search.expansions
             if search.ended_by != "exhausted":
                 self.record.limits_fired.append(search.ended_by)
         return found
+
+    def _holds_together(self, plan: ContactPlan) -> bool:
+        """Whether transitions that are feasible one by one are so in a row (Lin et al. 2019 sec. VI)."""
+        self.clock.pause()
+        began = time.perf_counter()
+        estimate = sequence_dynamics(self.robot, plan.stances, self.options.cone)
+        self.record.sequences_tested += 1
+        self.record.dynamics_s += time.perf_counter() - began
+        if estimate.feasible and self.record.time_to_first_feasible_s is None:
+            self.record.time_to_first_feasible_s = plan.elapsed + self.record.dynamics_s
+        self._fell_apart = "" if estimate.feasible else estimate.reason
+        self.clock.resume()
+        return estimate.feasible
 
     def _improve_for(self) -> float | None:
         """Seconds of improvement; none where a budget of expansions must give the same plan on any machine."""

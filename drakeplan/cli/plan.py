@@ -62,7 +62,7 @@ class Arguments:
     """friction cone; diamond admits what real friction does not and is for comparison only"""
     planner: Literal["search"] = "search"
     """what finds the contacts"""
-    dynamics: Literal["quasi-static"] = "quasi-static"
+    dynamics: Literal["quasi-static", "exact"] = "quasi-static"
     """what the search asks whether a transition is possible"""
     deadline: float = 30.0
     """limit of the search; dynamics and motion follow"""

@@ -1,0 +1,51 @@
+"""The dynamics of a whole contact sequence: what decides whether a search result that only looked at single steps holds.
+
+Lin et al. 2019 sec. VI and VIII: the search judges every transition on its own; only what it returns goes through the program
+over all contacts, from rest to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from optimization.centroidal import CentroidalProgram
+from optimization.centroidal_estimate import CentroidalEstimate
+from optimization.centroidal_problem import CentroidalProblem
+from optimization.contact_schedule import ContactSchedule
+from optimization.transition_dynamics import transition_options
+from scenes.robot import Robot
+from scenes.stance import Stance
+
+
+def standing_com(robot: Robot, stance: Stance) -> np.ndarray:
+    """(3,) where the CoM is taken to be in a stance at rest: over the mean of the feet, at its usual height [m]."""
+    return stance.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
+
+
+def sequence_problem(robot: Robot, stances: Sequence[Stance], cone: str) -> CentroidalProblem:
+    """The centroidal problem of a contact sequence with the documents' timing, from rest."""
+    options = transition_options(robot, cone)
+    schedule = ContactSchedule.from_stances(
+        stances, dt=options.dt, shift_time=options.shift_time, swing_time=options.swing_time
+    )
+    return CentroidalProblem(
+        schedule=schedule,
+        mass=robot.mass,
+        half_extent=robot.half_extents,
+        initial_com=standing_com(robot, stances[0]),
+    )
+
+
+def sequence_dynamics(robot: Robot, stances: Sequence[Stance], cone: str) -> CentroidalEstimate:
+    """The least-effort dynamics of a contact sequence, from rest to rest (Lin 2020 sec. 6.3).
+
+    Args:
+        robot: mass, patches and limits.
+        stances: consecutive ones differ in one end effector.
+        cone: friction cone by name.
+    """
+    options = replace(transition_options(robot, cone), rest_at_end=True)
+    return CentroidalProgram(sequence_problem(robot, stances, cone), options).solve()
