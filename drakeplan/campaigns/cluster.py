@@ -1,0 +1,118 @@
+"""Workers of a dask.distributed cluster: the same tasks, the same rows, on many machines (extra `cluster`)."""
+
+from __future__ import annotations
+
+import faulthandler
+import queue
+from collections import deque
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from drakeplan.campaigns.campaign import Campaign, Task
+from drakeplan.campaigns.workers import Outcome, failure_line, timed_task
+from scenes.input_error import InputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from distributed import Client, Future
+
+CONNECT_TIMEOUT = 10.0  # [s]
+
+
+class ClusterWorkers:
+    """Workers that a dask scheduler has, each with one thread and started with a nanny, which replaces those that die.
+
+    A worker that dies takes nothing with it: its tasks are run again elsewhere. When workers keep dying, dask blames every
+    task that they had, innocent ones too; each of these is then run alone, and one that dies alone is a failure. A task
+    that hangs ends its worker after `task_timeout`.
+
+    Args:
+        campaign: whose tasks they run; the workers need drakeplan in the same version.
+        address: of the scheduler, as `tcp://host:8786`.
+        task_timeout: wall time that one task may take [s].
+
+    Raises:
+        InputError: dask is not installed, nobody answers at the address, or workers have more than one thread.
+    """
+
+    def __init__(self, campaign: Campaign, address: str, *, task_timeout: float = 600.0) -> None:
+        self.campaign, self.task_timeout = campaign, task_timeout
+        self._client = _connect(address)
+        threads = [worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values()]
+        if not threads or max(threads) > 1:
+            self._client.close()
+            found = "no workers" if not threads else f"workers with {max(threads)} threads"
+            raise InputError(f"cluster {address}: expected workers with one thread (--nthreads 1), it has {found}")
+        self.num_workers = len(threads)
+        self._ended: queue.SimpleQueue[tuple[Task, Future]] = queue.SimpleQueue()
+        self._futures: dict[Task, Future] = {}
+        self._suspects: deque[Task] = deque()
+        self._alone: Task | None = None
+
+    def submit(self, task: Task) -> None:
+        """Puts a task in the queue."""
+        future = self._client.submit(guarded_task, self.campaign, task, self.task_timeout, pure=False)
+        self._futures[task] = future
+        future.add_done_callback(lambda done: self._ended.put((task, done)))
+
+    def next_outcome(self, timeout: float) -> Outcome | None:
+        """The next task that ended, None where none did within this time [s]."""
+        if self._suspects and not self._futures:
+            self._alone = self._suspects.popleft()
+            self.submit(self._alone)
+        try:
+            task, done = self._ended.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        del self._futures[task]
+        alone, self._alone = task == self._alone, None
+        return self._outcome(task, done, alone)
+
+    def close(self) -> None:
+        """Cancels what is under way; the cluster stays."""
+        self._client.cancel(list(self._futures.values()), force=True)
+        self._client.close()
+
+    def __enter__(self) -> ClusterWorkers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:  # fmt: skip
+        self.close()
+
+    def _outcome(self, task: Task, done: Future, alone: bool) -> Outcome | None:
+        from distributed.scheduler import KilledWorker
+
+        if done.status == "finished":
+            table, cpu_time = done.result()
+            return Outcome(task, table, "", cpu_time)
+        if done.status != "error":
+            return Outcome(task, None, done.status)
+        error = done.exception()
+        if not isinstance(error, KilledWorker):
+            return Outcome(task, None, failure_line(error))  # type: ignore[arg-type]
+        if not alone:
+            self._suspects.append(task)
+            return None
+        return Outcome(task, None, f"it ended every worker that ran it, or took more than {self.task_timeout:g} s")
+
+
+def guarded_task(campaign: Campaign, task: Task, timeout: float) -> tuple[pa.Table, float]:
+    """As `timed_task`, but ends the process when it takes too long [s], even inside compiled code."""
+    faulthandler.dump_traceback_later(timeout, exit=True)
+    try:
+        return timed_task(campaign, task)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+def _connect(address: str) -> Client:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("a cluster needs dask.distributed: pip install 'drakeplan[cluster]'") from None
+    try:
+        return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(f"cluster {address}: no dask scheduler answers there ({type(error).__name__})") from None

@@ -1,0 +1,158 @@
+"""Workers on this machine: one process each, replaced when it dies or hangs, at nobody else's cost."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+import time
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from types import TracebackType
+from typing import Protocol
+
+import pyarrow as pa
+from pebble import ProcessExpired, ProcessPool
+
+from drakeplan.campaigns.campaign import Campaign, Task, limit_memory, run_task
+from scenes.input_error import InputError
+
+MEMORY = 6 << 30  # [bytes] of private memory that a worker may hold
+_THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """How a task ended.
+
+    Attributes:
+        task: which one.
+        table: its rows, None where it failed.
+        failure: one line, "" where it did not fail.
+        cpu_time: processor time of the worker [s].
+    """
+
+    task: Task
+    table: pa.Table | None
+    failure: str = ""
+    cpu_time: float = 0.0
+
+
+class Workers(Protocol):
+    """Something that runs tasks: on this machine, or on a cluster."""
+
+    num_workers: int
+
+    def submit(self, task: Task) -> None:
+        """Puts a task in the queue."""
+        ...
+
+    def next_outcome(self, timeout: float) -> Outcome | None:
+        """The next task that ended, None where none did within this time [s]."""
+        ...
+
+    def close(self) -> None:
+        """Ends all workers at once, whatever they are doing."""
+        ...
+
+
+class LocalWorkers:
+    """Processes of this machine, one thread each (pebble, spawned).
+
+    A task that kills its process, takes longer than `task_timeout` or more than `memory` is answered with a failure; the
+    process is replaced. Workers end when this process does, even by kill -9.
+
+    Args:
+        campaign: whose tasks they run.
+        num_workers: how many processes.
+        task_timeout: wall time that one task may take [s].
+        memory: private memory that one process may hold [bytes].
+    """
+
+    def __init__(
+        self, campaign: Campaign, num_workers: int, *, task_timeout: float = 600.0, memory: int = MEMORY
+    ) -> None:
+        if num_workers < 1:
+            raise InputError(f"workers: expected 1 or more, got {num_workers}")
+        self.campaign, self.num_workers, self.task_timeout = campaign, num_workers, task_timeout
+        self._ended: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
+        # Libraries read these when they load, and a worker may be started at any time.
+        self._environment = {name: os.environ.get(name) for name in _THREAD_LIMITS}
+        os.environ.update(dict.fromkeys(_THREAD_LIMITS, "1"))
+        self._pool = ProcessPool(
+            num_workers, initializer=_begin, initargs=(memory,), context=multiprocessing.get_context("spawn")
+        )
+
+    def submit(self, task: Task) -> None:
+        """Puts a task in the queue."""
+        future = self._pool.schedule(timed_task, args=(self.campaign, task), timeout=self.task_timeout)
+        future.add_done_callback(lambda done: self._ended.put(self._outcome(task, done)))
+
+    def next_outcome(self, timeout: float) -> Outcome | None:
+        """The next task that ended, None where none did within this time [s]."""
+        try:
+            return self._ended.get(timeout=timeout)
+        except queue.Empty:
+            return None
+
+    def close(self) -> None:
+        """Ends all workers at once, whatever they are doing."""
+        self._pool.stop()
+        self._pool.join()
+        for name, value in self._environment.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+    def __enter__(self) -> LocalWorkers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:  # fmt: skip
+        self.close()
+
+    def _outcome(self, task: Task, done: Future[tuple[pa.Table, float]]) -> Outcome:
+        if done.cancelled():
+            return Outcome(task, None, "cancelled")
+        error = done.exception()
+        if error is None:
+            table, cpu_time = done.result()
+            return Outcome(task, table, "", cpu_time)
+        if isinstance(error, FutureTimeoutError):
+            return Outcome(task, None, f"no answer within {self.task_timeout:g} s")
+        if isinstance(error, ProcessExpired):
+            return Outcome(task, None, f"its process died (exit code {error.exitcode})")
+        return Outcome(task, None, failure_line(error))
+
+
+def timed_task(campaign: Campaign, task: Task) -> tuple[pa.Table, float]:
+    """The rows of a task and the processor time they took [s]; runs inside a worker."""
+    began = time.process_time()
+    table = run_task(campaign, task)
+    return table, time.process_time() - began
+
+
+def failure_line(error: BaseException) -> str:
+    """An exception in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+
+
+def _begin(memory: int) -> None:
+    """First thing in a worker: leave Ctrl-C to the parent, die with it, and stay within bounds."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    limit_memory(memory)
+    pa.set_cpu_count(1)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+
+
+def _die_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
