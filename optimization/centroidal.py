@@ -9,14 +9,10 @@ Ponton et al. 2018: B. Ponton et al., "On time optimization of centroidal moment
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from pydrake.solvers import (
-    BoundingBoxConstraint,
-    LinearConstraint,
-    LinearEqualityConstraint,
-    LorentzConeConstraint,
-    MathematicalProgram,
-)
+from pydrake.solvers import MathematicalProgram
 
 from optimization import piqp_adapter
 from optimization.centroidal_check import violations
@@ -25,23 +21,25 @@ from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_explanation import explain
 from optimization.centroidal_guess import guess_com, guess_loads
 from optimization.centroidal_model import CentroidalModel
-from optimization.centroidal_options import (
-    ARM,
-    COST_SCALE,
-    GRAVITY,
-    LEAST_PRESSURE_LOAD,
-    PENALTY,
-    UP,
-    CentroidalOptions,
+from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, PENALTY, UP, CentroidalOptions
+from optimization.centroidal_problem import CentroidalProblem, structure
+from optimization.centroidal_rows import (
+    contact_wrench_rows,
+    difference_rows,
+    friction_rows,
+    momentum_rate_rows,
+    pressure_rows,
+    reach_rows,
+    soft_limit_rows,
+    total_force_rows,
 )
-from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory, WrenchIntegrator
 from optimization.com_bounds import final_box, height_bounds
-from optimization.contact_wrench import CornerForces, pressure_residuals, skew
+from optimization.contact_wrench import CornerForces
 from optimization.friction import cone_index
 from optimization.gauss_newton import minimise
 from optimization.solvers import ConvexSolver, SolverSettings
-from optimization.sparse_rows import RowPattern, SparseRows
+from optimization.updatable_program import Rows, UpdatableProgram
 from scenes.effector import EFFECTORS
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
@@ -90,7 +88,10 @@ class CentroidalProgram:
         self.problem, self.options = problem, options or CentroidalOptions()
         cone_index(self.options.cone)
         self._read_data()
-        self.prog = MathematicalProgram()
+        self._host = UpdatableProgram()
+        self._rows: dict[str, Callable[[], Rows]] = {}
+        self._bounds: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {}
+        self._solver: ConvexSolver | None = None
         self._add_variables()
         self._add_newton()
         self._add_integration()
@@ -105,9 +106,33 @@ class CentroidalProgram:
         self._add_rest()
         self._add_costs()
 
+    @property
+    def prog(self) -> MathematicalProgram:
+        """The convex program about the last trajectory, with the present numbers."""
+        return self._host.prog
+
+    def update(self, problem: CentroidalProblem) -> None:
+        """Takes other data of the same structure (see `structure`): nothing is rebuilt.
+
+        Raises:
+            ValueError: the structure differs.
+        """
+        if structure(problem) != self.structure:
+            raise ValueError("the new problem's contacts are not active at the same times, or it tracks other things")
+        self.problem = problem
+        self._read_data()
+        for name, rows in self._rows.items():
+            self._host.update_rows(name, *rows())
+        for name, bounds in self._bounds.items():
+            self._host.update_bounds(name, *bounds())
+        if self._host.num_cones:
+            self._host.update_cones("friction cone", self._cone_matrices())
+        self._host.update_diagonal_costs(*self._cost_terms())
+
     def _read_data(self) -> None:
         """The problem's numbers in the program's units."""
         problem, schedule = self.problem, self.problem.schedule
+        self.structure = structure(problem)
         self.weight = problem.mass * GRAVITY
         self.origin = np.array(problem.initial_com)
         self.dt = schedule.dt
@@ -146,138 +171,86 @@ class CentroidalProgram:
         N, J = len(self.dt), len(self.interval)
         state = [(name, N, 3) for name in ("com", "v", "k", "a", "kdot")]
         self.index: dict[str, np.ndarray] = {}
-        self._patterns: dict[str, RowPattern] = {}
-        self.num_vars = 0
         for name, count, width in (
             *state, ("s", N, 1), ("s_end", 1, 1), ("wrench", J, 6), ("z", J, 3), ("force", J, 12)
         ):  # fmt: skip
-            size = count * width
-            self.index[name] = self.num_vars + np.arange(size).reshape(count, width)
-            self.num_vars += size
-            setattr(self, name, self.prog.NewContinuousVariables(size, name).reshape(count, width))
-        self._x = self.prog.decision_variables()
+            variables, self.index[name] = self._host.add_variables(name, count, width)
+            setattr(self, name, variables)
+        self.num_vars = self._host.num_vars
 
-    def _add_rows(self, name: str, rows: SparseRows, lower: np.ndarray | None, upper: np.ndarray) -> LinearConstraint:
-        """Adds lower <= rows x <= upper, an equality where `lower` is None, and returns the constraint."""
-        pattern = rows.pattern(len(upper), self.num_vars)
-        A = pattern.matrix(rows.values)
-        constraint = LinearEqualityConstraint(A, upper) if lower is None else LinearConstraint(A, lower, upper)
-        constraint.set_description(name)
-        self.prog.AddConstraint(constraint, self._x[pattern.columns])
-        self._patterns[name] = pattern
-        return constraint
+    def _add_rows(self, name: str, rows: Callable[[], Rows | None]) -> None:
+        """Adds rows and remembers how to make them from new numbers."""
+        built = rows()
+        if built is not None and len(built[2]):
+            self._host.add_rows(name, *built)
+            self._rows[name] = rows  # type: ignore[assignment]
 
-    def _add_bounds(
-        self, name: str, variables: np.ndarray, lower: np.ndarray, upper: np.ndarray
-    ) -> BoundingBoxConstraint:
-        lower, upper = (np.broadcast_to(bound, variables.shape).ravel() for bound in (lower, upper))
-        constraint = self.prog.AddBoundingBoxConstraint(lower, upper, variables.ravel()).evaluator()
-        constraint.set_description(name)
-        return constraint
+    def _add_bounds(self, name: str, index: np.ndarray, bounds: Callable[[], tuple[np.ndarray, np.ndarray]]) -> None:
+        if index.size:
+            self._host.add_bounds(name, index, *bounds())
+            self._bounds[name] = bounds
 
     def _add_newton(self) -> None:
         """v[n+1] - v[n] - dt g a[n] = 0."""
-        self._add_difference("newton", "v", "a", GRAVITY * self.dt, self.v0)
+        v, a = self.index["v"], self.index["a"]
+        self._add_rows("newton", lambda: difference_rows(v, a, GRAVITY * self.dt, self.v0))
 
     def _add_integration(self) -> None:
         """com[n+1] - com[n] - dt v[n+1] = 0 and k[n+1] - k[n] - dt kdot[n] = 0."""
-        self._add_difference("com integration", "com", "v", self.dt, np.zeros(3))
-        self._add_difference("angular momentum integration", "k", "kdot", self.dt, self.k0)
-
-    def _add_difference(self, name: str, of: str, rate: str, step: np.ndarray, initial: np.ndarray) -> None:
-        index = self.index[of]
-        rows, right = SparseRows(), np.zeros(index.shape)
-        row = np.arange(index.size).reshape(index.shape)
-        rows.add(row, index, 1.0)
-        rows.add(row[1:], index[:-1], -1.0)
-        rows.add(row, self.index[rate], -step[:, None])
-        right[0] = initial
-        self._add_rows(name, rows, None, right.ravel())
+        com, v, k, kdot = (self.index[name] for name in ("com", "v", "k", "kdot"))
+        self._add_rows("com integration", lambda: difference_rows(com, v, self.dt, np.zeros(3)))
+        self._add_rows("angular momentum integration", lambda: difference_rows(k, kdot, self.dt, self.k0))
 
     def _add_total_force(self) -> None:
         """a - sum R f = -e_z."""
-        rows = SparseRows()
-        row = np.arange(3 * len(self.dt)).reshape(-1, 3)
-        rows.add(row, self.index["a"], 1.0)
-        rows.add_blocks(row[self.interval], self.index["wrench"][:, :3], -self.R)
-        self._add_rows("total force", rows, None, np.tile(-UP, len(self.dt)))
+        a, wrench = self.index["a"], self.index["wrench"]
+        self._add_rows("total force", lambda: total_force_rows(a, wrench, self.interval, self.R))
 
     def _add_contact_wrenches(self) -> None:
         """(f, m) - map force = 0, and f_z within the end effector's limit."""
-        if not len(self.interval):
-            return
-        rows = SparseRows()
-        row = np.arange(self.index["wrench"].size).reshape(-1, 6)
-        rows.add(row, self.index["wrench"], 1.0)
-        rows.add_blocks(row, self.index["force"], -self.corners.map)
-        self._add_rows("contact wrench", rows, None, np.zeros(row.size))
+        wrench, force = self.index["wrench"], self.index["force"]
+        self._add_rows("contact wrench", lambda: contact_wrench_rows(wrench, force, self.corners.map))
         limit = np.asarray(self.options.force_limit, float)[self.effector]
-        self._add_bounds("force limit", self.wrench[:, 2], np.array(-np.inf), limit)
+        self._add_bounds("force limit", wrench[:, 2], lambda: (np.full(len(limit), -np.inf), limit))
 
     def _add_friction_cones(self) -> None:
         """Faces of the cone for each corner force; Lorentz cones for `second_order` where the solver takes them."""
-        if not len(self.interval):
-            return
+        force = self.index["force"]
         if self.options.cone == "second_order" and not self._linear_only():
-            b = np.zeros(3)
-            for j, forces in enumerate(self.force):
-                A = np.array([[0, 0, self.corners.friction[j]], [1, 0, 0], [0, 1, 0]], float)
-                for force in forces.reshape(4, 3):
-                    cone = LorentzConeConstraint(A, b)
-                    cone.set_description("friction cone")
-                    self.prog.AddConstraint(cone, force)
-            return
-        faces = self.corners.rows
-        count = 4 * len(faces) * faces.shape[1]
-        rows = SparseRows()
-        row = np.arange(count).reshape(len(faces), 4, -1)
-        rows.add_blocks(row, self.index["force"].reshape(-1, 4, 3), faces[:, None])
-        self._add_rows("friction cone", rows, np.full(count, -np.inf), np.zeros(count))
+            self._host.add_cones("friction cone", self._cone_matrices(), force.reshape(-1, 3))
+        else:
+            self._add_rows("friction cone", lambda: friction_rows(force, self.corners.rows))
+
+    def _cone_matrices(self) -> np.ndarray:
+        """(4 J, 3, 3) matrices whose product with a corner force is (mu f_z, f_x, f_y)."""
+        matrices = np.zeros((4 * len(self.interval), 3, 3))
+        matrices[:, 0, 2] = np.repeat(self.corners.friction, 4)
+        matrices[:, 1, 0] = matrices[:, 2, 1] = 1.0
+        return matrices
 
     def _linear_only(self) -> bool:
         solver = self.options.solver
         return solver == "piqp" or (solver == "auto" and piqp_adapter.available())
 
     def _add_angular_momentum_rate(self) -> None:
-        self._rate = self._add_rows("angular momentum rate", *self._rate_rows())
-
-    def _rate_rows(self) -> tuple[SparseRows, None, np.ndarray]:
         """kdot - sum ((p - com0) x R f / ARM + R m) - u0 x (com - com0) / ARM = 0, about com0 and u0 = a0 + e_z."""
-        com, total_force, _ = self._about
-        rows = SparseRows()
-        row = np.arange(3 * len(self.dt)).reshape(-1, 3)
-        rows.add(row, self.index["kdot"], 1.0)
-        rows.add_blocks(row, self.index["com"], -skew(total_force) / ARM)
-        lever = skew(self.p - com[self.interval]) @ self.R / ARM
-        rows.add_blocks(row[self.interval], self.index["wrench"], -np.concatenate([lever, self.R], axis=2))
-        return rows, None, -np.cross(total_force, com - self.origin).ravel() / ARM
+        kdot, com, wrench = (self.index[name] for name in ("kdot", "com", "wrench"))
+
+        def rows() -> Rows:
+            pose, about = (self.p, self.R), self._about[:2]
+            return momentum_rate_rows(kdot, com, wrench, self.interval, pose, about, self.origin)
+
+        self._add_rows("angular momentum rate", rows)
 
     def _add_pressure_centre(self) -> None:
-        self._pressure = self._add_rows("pressure centre", *self._pressure_rows()) if len(self.interval) else None
-
-    def _pressure_rows(self) -> tuple[SparseRows, None, np.ndarray]:
         """z - J wrench = z0 - J wrench0, with J the Jacobian of z about wrench0."""
-        _, _, wrench = self._about
-        z, jacobian = pressure_residuals(wrench, self.half, ARM, LEAST_PRESSURE_LOAD)
-        rows = SparseRows()
-        row = np.arange(z.size).reshape(z.shape)
-        rows.add(row, self.index["z"], 1.0)
-        rows.add_blocks(row, self.index["wrench"], -jacobian)
-        return rows, None, (z - np.einsum("jab,jb->ja", jacobian, wrench)).ravel()
+        z, wrench = self.index["z"], self.index["wrench"]
+        self._add_rows("pressure centre", lambda: pressure_rows(z, wrench, self._about[2], self.half))
 
     def _add_reach(self) -> None:
-        self._reach = self._add_rows("reach", *self._reach_rows()) if len(self.reach[0]) else None
-
-    def _reach_rows(self) -> tuple[SparseRows, np.ndarray, np.ndarray]:
         """e . (com - p) - ARM s <= reach, e pointing from the contact to com0: the ball's supporting half space."""
-        knot, points, limit = self.reach
-        away = self._about[0][knot] - points
-        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        rows = SparseRows()
-        row = np.arange(len(knot))
-        rows.add(row[:, None], self.index["com"][knot], away)
-        rows.add(row, self.index["s"][knot, 0], -ARM)
-        return rows, np.full(len(knot), -np.inf), limit + np.einsum("ka,ka->k", away, points - self.origin)
+        com, slack = self.index["com"], self.index["s"]
+        self._add_rows("reach", lambda: reach_rows(com, slack, self.reach, self._about[0], self.origin))
 
     def linearise(self, com: np.ndarray, total_force: np.ndarray, wrench: np.ndarray) -> None:
         """Linearises about another trajectory.
@@ -288,74 +261,74 @@ class CentroidalProgram:
             wrench: (J, 6) contact wrenches in their frames [M g, M g ARM].
         """
         self._about = com, total_force, wrench
-        for constraint, built in (
-            (self._rate, self._rate_rows),
-            (self._pressure, self._pressure_rows),
-            (self._reach, self._reach_rows),
-        ):
-            if constraint is None:
-                continue
-            rows, lower, upper = built()
-            A = self._patterns[constraint.get_description()].matrix(rows.values)
-            constraint.UpdateCoefficients(A, upper) if lower is None else constraint.UpdateCoefficients(A, lower, upper)
+        for name in ("angular momentum rate", "pressure centre", "reach"):
+            if name in self._rows:
+                self._host.update_rows(name, *self._rows[name]())
 
     def bound_step(self, com: np.ndarray, radius: float) -> None:
         """Keeps the CoM within `radius` per axis of this path (N-1, 3) [m]."""
-        self._step.set_bounds((com - self.origin - radius).ravel(), (com - self.origin + radius).ravel())
+        self._host.update_bounds("com step", com - self.origin - radius, com - self.origin + radius)
 
     def _add_angular_momentum_limits(self) -> None:
         """|k_i| <= limit + s and |kdot_i| <= limit + s; the slacks cost PENALTY each."""
-        slacks = np.concatenate([self.s.ravel(), self.s_end.ravel()])
-        self._add_bounds("slack", slacks, np.array(0.0), np.array(np.inf))
-        self.prog.AddLinearCost(np.full(slacks.size, PENALTY), 0.0, slacks)
-        for name, limit in zip(("k", "kdot"), self.momentum_limits, strict=True):
-            self._add_soft_limit(f"{name} limit", self.index[name], self.index["s"], limit)
+        slacks = np.concatenate([self.index["s"].ravel(), self.index["s_end"].ravel()])
+        self._add_bounds("slack", slacks, lambda: (np.zeros(len(slacks)), np.full(len(slacks), np.inf)))
+        self._host.add_linear_cost(slacks, PENALTY)
+        self._add_rows("k limit", lambda: self._soft_limit("k", 0))
+        self._add_rows("kdot limit", lambda: self._soft_limit("kdot", 1))
 
-    def _add_soft_limit(self, name: str, index: np.ndarray, slack: np.ndarray, limit: np.ndarray) -> None:
-        """|x_i| - slack <= limit for the finite entries of `limit` (3,)."""
-        axes = np.flatnonzero(np.isfinite(limit))
-        if not len(axes):
-            return
-        rows = SparseRows()
-        row = np.arange(index[:, axes].size).reshape(len(index), -1)
-        for offset, sign in ((0, 1.0), (row.size, -1.0)):
-            rows.add(row + offset, index[:, axes], sign)
-            rows.add(row + offset, slack, -1.0)
-        upper = np.tile(limit[axes], 2 * len(index))
-        self._add_rows(name, rows, np.full(upper.size, -np.inf), upper)
+    def _soft_limit(self, name: str, which: int) -> Rows | None:
+        return soft_limit_rows(self.index[name], self.index["s"], self.momentum_limits[which])
 
     def _add_com_bounds(self) -> None:
         """Height over the feet in contact, box around the reference, final box, and room for `bound_step`."""
-        problem, infinite = self.problem, np.array(np.inf)
-        low, high = (bound - self.origin[2] for bound in height_bounds(problem, self.options))
-        self._add_bounds("com height", self.com[:, 2], low, high)
-        if problem.com_box is not None and problem.com_reference is not None:
-            centre, half = problem.com_reference[1:] - self.origin, problem.com_box[1:]
-            self._add_bounds("com box", self.com, centre - half, centre + half)
-        final = final_box(problem, self.options)
-        if final is not None:
-            self._add_bounds("final com box", self.com[-1], final[0] - self.origin, final[1] - self.origin)
-        self._step = self._add_bounds("com step", self.com, -infinite, infinite)
+        com = self.index["com"]
+
+        def height() -> tuple[np.ndarray, np.ndarray]:
+            low, high = height_bounds(self.problem, self.options)
+            return low - self.origin[2], high - self.origin[2]
+
+        def box() -> tuple[np.ndarray, np.ndarray]:
+            reference, half = self.problem.com_reference, self.problem.com_box
+            assert reference is not None  # the problem saw to it
+            assert half is not None
+            centre = reference[1:] - self.origin
+            return centre - half[1:], centre + half[1:]
+
+        def final() -> tuple[np.ndarray, np.ndarray]:
+            corners = final_box(self.problem, self.options)
+            assert corners is not None  # by the same structure
+            return corners[0] - self.origin, corners[1] - self.origin
+
+        self._add_bounds("com height", com[:, 2], height)
+        if self.problem.com_box is not None:
+            self._add_bounds("com box", com, box)
+        if final_box(self.problem, self.options) is not None:
+            self._add_bounds("final com box", com[-1], final)
+        self._add_bounds("com step", com, lambda: (np.full(com.shape, -np.inf), np.full(com.shape, np.inf)))
 
     def _add_rest(self) -> None:
         """v = 0 and |k_i| <= s_end at the last two knots: the forces between and after them hold it at rest."""
         if self.options.rest_at_end:
-            self._add_bounds("rest: linear momentum", self.v[-2:], np.array(0.0), np.array(0.0))
-            self._add_soft_limit("rest: angular momentum", self.index["k"][-2:], self.index["s_end"], np.zeros(3))
+            v, k, slack = self.index["v"][-2:], self.index["k"][-2:], self.index["s_end"]
+            self._add_bounds("rest: linear momentum", v, lambda: (np.zeros(v.shape), np.zeros(v.shape)))
+            self._add_rows("rest: angular momentum", lambda: soft_limit_rows(k, slack, np.zeros(3)))
 
     def _add_costs(self) -> None:
         """One diagonal quadratic cost for each interval, over its state, its contacts and their residuals."""
-        diagonal, target = cost_terms(self.problem, self.options.weights, self.index, self.interval, self.num_vars)
-        self.cost_diagonal, self.cost_target = diagonal, target
         first = np.searchsorted(self.interval, np.arange(len(self.dt) + 1))
         state = np.concatenate([self.index[name] for name in ("com", "v", "k", "a", "kdot")], axis=1)
         contact = np.concatenate([self.index["wrench"], self.index["z"]], axis=1)
-        for n in range(len(self.dt)):
-            index = np.concatenate([state[n], contact[first[n] : first[n + 1]].ravel()])
-            index = index[diagonal[index] > 0]
-            w, goal = 2 * diagonal[index], target[index]
-            cost = self.prog.AddQuadraticCost(np.diag(w), -w * goal, 0.5 * float(w @ goal**2), self._x[index], True)
-            cost.evaluator().set_description(f"effort[{n}]")
+        groups = [
+            (f"effort[{n}]", np.concatenate([state[n], contact[first[n] : first[n + 1]].ravel()]))
+            for n in range(len(self.dt))
+        ]
+        self._host.add_diagonal_costs(*self._cost_terms(), groups)
+
+    def _cost_terms(self) -> tuple[np.ndarray, np.ndarray]:
+        terms = cost_terms(self.problem, self.options.weights, self.index, self.interval, self.num_vars)
+        self.cost_diagonal, self.cost_target = terms
+        return terms
 
     def start_from(self, trajectory: CentroidalTrajectory) -> None:
         """Linearises about an earlier answer for the same schedule, so that `solve` starts there."""
@@ -363,15 +336,23 @@ class CentroidalProgram:
         state = self.integrator.integrate(force, moment)
         self.linearise(state.com, state.total_force, np.concatenate([force, moment / ARM], axis=1))
 
+    def _convex_solver(self) -> ConvexSolver:
+        """The solver of the last `solve`, with its symbolic work, unless something was added to `prog` since."""
+        own = self._host.is_own()
+        if self._solver is None or not own or not self._own:
+            options, gap = self.options, 1e-2 * self.options.tolerance
+            settings = SolverSettings(solver=options.solver, gap=gap, time_limit=options.time_limit)
+            self._solver = ConvexSolver(self._host if own else self.prog, settings)
+        self._own = own
+        return self._solver
+
     def solve(self) -> CentroidalEstimate:
         """Solves from the first guess, or `start_from`, and checks the numbers that would be written to a plan."""
         options = self.options
         self.bound_step(self._about[0], np.inf)
-        gap = 1e-2 * options.tolerance
-        settings = SolverSettings(solver=options.solver, gap=gap, time_limit=options.time_limit)
         outcome = minimise(
             CentroidalModel(self),
-            ConvexSolver(self.prog, settings),
+            self._convex_solver(),
             max_iterations=options.max_iterations,
             tolerance=options.tolerance,
             time_limit=options.time_limit,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -66,3 +67,14 @@ class CentroidalProblem:
             raise InputError(f"centroidal problem: {name} must be finite")
         array.setflags(write=False)
         object.__setattr__(self, name, array)
+
+
+def structure(problem: CentroidalProblem) -> Hashable:
+    """What must be equal for a program to take another problem's numbers without being rebuilt.
+
+    Which contacts are active when, and what is tracked and bounded. Poses, friction, patches, mass, times and momenta
+    are free.
+    """
+    schedule = problem.schedule
+    tracked = (problem.com_reference, problem.com_box, problem.angular_momentum_reference)
+    return (len(schedule.contacts), schedule.active.shape, schedule.active.tobytes(), *(t is None for t in tracked))

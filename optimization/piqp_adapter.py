@@ -59,6 +59,7 @@ class PiqpSolver:
             self._solver.update(*data)
         else:
             self._solver, self._pattern = piqp.SparseSolver(), pattern
+            self._solver.settings.kkt_solver = piqp.KKTSolver.sparse_ldlt_ineq_cond
             for name, value in self._settings.items():
                 setattr(self._solver.settings, name, value)
             self._solver.setup(*data)

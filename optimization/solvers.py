@@ -18,6 +18,7 @@ from pydrake.solvers import Binding, ClarabelSolver, CommonSolverOption, Mathema
 
 from optimization import piqp_adapter
 from optimization.quadratic_program import ProgramReader, QuadraticProgram, is_quadratic
+from optimization.updatable_program import UpdatableProgram
 from scenes.input_error import InputError
 
 LEAST_COST = 1e-2  # a relative gap says nothing of costs near zero
@@ -82,16 +83,26 @@ class ConvexSolver:
     constraint or variable may be added to the program.
     """
 
-    def __init__(self, prog: MathematicalProgram, settings: SolverSettings | None = None) -> None:
-        self.prog = prog
+    def __init__(
+        self, prog: MathematicalProgram | UpdatableProgram, settings: SolverSettings | None = None
+    ) -> None:
+        self._host = prog
         self.settings = settings or SolverSettings()
-        quadratic = is_quadratic(prog)
+        quadratic = is_quadratic(self.prog)
         self.name = self._choose(quadratic)
-        self._reader = ProgramReader(prog) if quadratic else None
+        self._reader = None
+        if quadratic:
+            self._reader = prog if isinstance(prog, UpdatableProgram) else ProgramReader(prog)
+        self._num_vars = self.prog.num_vars()
         self._piqp = None
         if self.name == "piqp":
             limits = self.settings
             self._piqp = piqp_adapter.PiqpSolver(limits.tolerance, limits.gap, LEAST_COST, limits.max_iterations)
+
+    @property
+    def prog(self) -> MathematicalProgram:
+        """Drake's program with the present numbers."""
+        return self._host.current() if isinstance(self._host, UpdatableProgram) else self._host
 
     def _choose(self, quadratic: bool) -> str:
         asked = self.settings.solver
@@ -131,7 +142,7 @@ class ConvexSolver:
         """The answer with its record, after our own check of the constraints."""
         status, x, iterations = answer
         worst, constraint, cost = np.inf, "", np.nan
-        finite = x.size == self.prog.num_vars() and bool(np.isfinite(x).all())
+        finite = x.size == self._num_vars and bool(np.isfinite(x).all())
         if finite:
             worst, constraint = program.worst(x) if program is not None else worst_violation(self.prog, x)
             cost = program.cost(x) if program is not None else _cost(self.prog, x)

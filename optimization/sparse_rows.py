@@ -28,13 +28,19 @@ class SparseRows:
         self.add(rows[..., :, None], cols[..., None, :], blocks)
 
     @property
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        """(nnz,) rows and (nnz,) columns in the order in which they were added."""
+        rows, cols = (np.concatenate([np.zeros(0, int), *parts]) for parts in (self._rows, self._cols))
+        return rows, cols
+
+    @property
     def values(self) -> np.ndarray:
         """(nnz,) values in the order in which they were added."""
         return np.concatenate([np.zeros(0), *self._values])
 
     def pattern(self, num_rows: int, num_cols: int) -> RowPattern:
         """Where the entries stand, over the columns that occur."""
-        rows, cols = (np.concatenate([np.zeros(0, int), *parts]) for parts in (self._rows, self._cols))
+        rows, cols = self.places
         occurs = np.zeros(num_cols, bool)
         occurs[cols] = True
         place = np.cumsum(occurs) - 1

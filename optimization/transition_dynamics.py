@@ -5,12 +5,14 @@ Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (di
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+
 import numpy as np
 
 from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
+from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.contact_schedule import ContactSchedule
 from optimization.friction import DEFAULT_CONE
 from scenes.input_error import InputError
@@ -44,6 +46,7 @@ class TransitionDynamics:
     def __init__(self, robot: Robot, options: CentroidalOptions | None = None) -> None:
         self.robot = robot
         self.options = options or transition_options(robot)
+        self._programs: dict[Hashable, CentroidalProgram] = {}
 
     def problem(self, before: Stance, after: Stance, com: np.ndarray, linear_momentum: np.ndarray) -> CentroidalProblem:
         """The centroidal problem of one transition; arguments as for `estimate`."""
@@ -79,7 +82,17 @@ class TransitionDynamics:
         Raises:
             InputError: the stances do not differ in exactly one end effector, or a number is not finite.
         """
-        return CentroidalProgram(self.problem(before, after, com, linear_momentum), self.options).solve()
+        return self._program(self.problem(before, after, com, linear_momentum)).solve()
+
+    def _program(self, problem: CentroidalProblem) -> CentroidalProgram:
+        """The program of this structure with these numbers; there are some dozens of structures."""
+        key = structure(problem)
+        program = self._programs.get(key)
+        if program is None:
+            program = self._programs[key] = CentroidalProgram(problem, self.options)
+        else:
+            program.update(problem)
+        return program
 
     def final_state(self, estimate: CentroidalEstimate) -> tuple[np.ndarray, np.ndarray]:
         """(3,) CoM [m] and (3,) velocity [m/s] at the end of a transition, the child state's.
