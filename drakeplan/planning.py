@@ -53,7 +53,7 @@ class PlanOptions:
         planner: by name.
         dynamics: what every transition must satisfy: "quasi-static" balance, or the centroidal program ("exact").
         heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
-        transition_model: name of the foot transition model.
+        transition_model: name of the foot transition model, None for the scene's or the usual one.
         deadline: limits the search alone.
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
@@ -70,7 +70,7 @@ class PlanOptions:
     planner: str = "search"
     dynamics: str = "quasi-static"
     heuristic: Literal["grid", "euclidean", "admissible"] = "grid"
-    transition_model: str = "experiments"
+    transition_model: str | None = None
     use_palms: bool = True
     deadline: float = 30.0
     improve: float = 1.0
@@ -129,7 +129,13 @@ def plan_scene(
         use_palms=options.use_palms,
         dynamics=options.dynamics,
     )
-    planner = ContactPlanner(scene, robot, ik, search_options, transition_model(options.transition_model))
+    planner = ContactPlanner(
+        scene,
+        robot,
+        ik,
+        search_options,
+        transition_model(options.transition_model or scene.transition_model or "experiments"),
+    )
     scene = _set_down(scene, planner)
     reason = planner.start_problem()
     if reason:

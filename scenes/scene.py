@@ -50,6 +50,7 @@ class Scene:
         goal: None when the caller must give one.
         robot: name of a robot, None for the caller's choice.
         disturbances: pushes by region.
+        transition_model: name of the foot transition model that it was made for, None for the usual one.
         notes: what was changed while reading it (flipped polygons and the like), one line each.
     """
 
@@ -59,4 +60,5 @@ class Scene:
     goal: Goal | None = None
     robot: str | None = None
     disturbances: tuple[Disturbance, ...] = ()
+    transition_model: str | None = None
     notes: tuple[str, ...] = ()

@@ -64,6 +64,8 @@ class Arguments:
     """what finds the contacts"""
     dynamics: Literal["quasi-static", "exact"] = "quasi-static"
     """what the search asks whether a transition is possible"""
+    transition_model: Literal["experiments", "training", "planning", "long_stride"] | None = None
+    """foot steps to choose from; by default the scene's, else experiments"""
     deadline: float = 30.0
     """limit of the search; dynamics and motion follow"""
     improve: float = 1.0
@@ -166,6 +168,7 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         cone=arguments.cone,
         planner=arguments.planner,
         dynamics=arguments.dynamics,
+        transition_model=arguments.transition_model,
         deadline=arguments.deadline,
         improve=arguments.improve,
         expansions=arguments.expansions,

@@ -23,4 +23,5 @@ def named(seed: int = 0, gap: float = GAP) -> Scene:
         level_plate("start_platform", (-0.5, NEAR_EDGE), side),
         level_plate("goal_platform", (far_edge, far_edge + 2.22), side),
     )
-    return Scene("wide_gap", Terrain(surfaces), START, Goal((far_edge + 1.51, 0.0, 0.0), GOAL_RADIUS))
+    goal = Goal((far_edge + 1.51, 0.0, 0.0), GOAL_RADIUS)
+    return Scene("wide_gap", Terrain(surfaces), START, goal, transition_model="long_stride")
