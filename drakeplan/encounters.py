@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject
 
+from optimization.frame_task import DistanceRows
 from optimization.kinematics import Kinematics
-from optimization.posture_tracking import DistanceRows
 from scenes.effector import EFFECTORS
 from scenes.plant import RobotPlant
 

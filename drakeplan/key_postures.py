@@ -18,10 +18,11 @@ from shapely.ops import nearest_points
 from drakeplan.encounters import KEEP, Encounters, ProximityMonitor
 from drakeplan.phases import MOVE, Schedule
 from drakeplan.swing import SwingCurve
+from optimization.frame_task import LEVER, TrackingTargets
 from optimization.friction import cone_generators
 from optimization.kinematic_tree import KinematicTree, forward
 from optimization.kinematics import Kinematics
-from optimization.posture_tracking import LEVER, TrackedPostures, TrackingTargets, track_postures
+from optimization.posture_tracking import TrackedPostures, track_postures
 from optimization.static_equilibrium import com_polygon
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact

@@ -10,8 +10,8 @@ from scipy.linalg import solve_banded
 
 from drakeplan.encounters import Encounters
 from drakeplan.phases import Schedule
+from optimization.frame_task import LEVER
 from optimization.kinematics import Kinematics, difference
-from optimization.posture_tracking import LEVER
 
 # The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]

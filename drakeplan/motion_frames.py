@@ -25,7 +25,8 @@ from drakeplan.motion_targets import (
 )
 from drakeplan.phases import MOVE, Schedule
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.posture_tracking import TrackedPostures, frame_targets, track_postures
+from optimization.frame_task import frame_targets
+from optimization.posture_tracking import TrackedPostures, track_postures
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import PackedTerrain
 from scenes.robot import Robot

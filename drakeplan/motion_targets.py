@@ -14,8 +14,8 @@ from drakeplan.dynamics import through
 from drakeplan.key_postures import COM, HOLD, Course, posture_weight
 from drakeplan.phases import BREAK, MAKE, MOVE, Schedule
 from drakeplan.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
+from optimization.frame_task import LEVER, TrackingTargets
 from optimization.kinematic_tree import KinematicTree
-from optimization.posture_tracking import LEVER, TrackingTargets
 from scenes.effector import is_foot
 from scenes.packed_terrain import PackedTerrain
 from scenes.projection import FOOT_CLEARANCE, PALM_CLEARANCE

@@ -185,6 +185,10 @@ class CentroidalProgram:
             self._host.add_rows(name, *built)
             self._rows[name] = rows  # type: ignore[assignment]
 
+    def add_rows(self, name: str, rows: Callable[[], Rows | None]) -> None:
+        """Adds rows on variables by their places (`index`); `rows` is called again whenever numbers are updated."""
+        self._add_rows(name, rows)
+
     def _add_bounds(self, name: str, index: np.ndarray, bounds: Callable[[], tuple[np.ndarray, np.ndarray]]) -> None:
         if index.size:
             self._host.add_bounds(name, index, *bounds())

@@ -1,276 +1,294 @@
-"""What one frame of a motion should reach, what a configuration misses of it, and the step that brings it closer.
+"""What each frame of a motion should do, and the least-squares rows that say so.
 
-The terms are those of `optimization.differential_ik`; nothing here chooses steps.
+    sum_e w_e^2 |p_e - p_e*|^2 + u_e^2 |angle(R_e, R_e*)|^2     end effectors: held (w large), swinging, free (w = 0)
+    + |W_com (com - com*)|^2                                    centre of mass
+    + |W_q (q - q_ref)|^2                                       posture, base orientation included
+    + sum_r w_r^2 max(0, d_r* - d_r)^2                          pairs of bodies that must keep a distance
+
+`posture_tracking` solves each frame by itself, `momentum_tracking` all of them together.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from optimization.body_capsules import BodyCapsules, CapsuleRows, close_pairs, distance_row, make_rows
-from optimization.ik_tasks import StepProgram, add_diagonal, add_frame_task, add_inequality, add_row, frame_error
-from optimization.kinematic_tree import KinematicTree, center_of_mass, com_jacobian, difference, forward, point_jacobian
+from optimization.kinematic_tree import (
+    KinematicTree,
+    com_jacobian,
+    difference,
+    frame_jacobian,
+    frame_pose,
+    point_jacobian,
+    rotation_error,
+)
 
-MAX_CLOSE_PAIRS = 12  # pairs of body parts that a step looks at
-_NEAR = 0.02  # [m] capsules closer than this beyond what they must keep take part
+LEVER = 0.3  # [m] an angle of 1 rad counts as this distance in errors
+DAMPING = 1e-6  # keeps the normal equations positive definite where no term sees an unknown
 
 
-class TrackingOptions(NamedTuple):
-    """Weights of the tasks and when a frame is done; a weight is per metre, or per radian where an angle is meant.
+class DistanceRows(NamedTuple):
+    """Pairs of points that must keep a distance, in CSR form: frame t owns rows start[t] to start[t + 1].
 
-    Attributes:
-        held_weight: of contacts that are held, per metre; their angles count 0.3 m per rad.
-        com_weight: of the CoM.
-        torso_weight: of the torso's orientation.
-        posture_weight: of the joints' distance from the reference.
-        effort_weight: of moving at all.
-        smooth_weight: of changing the velocity from frame to frame.
-        row_weight: of pairs of points that must keep a distance.
-        base_speed: greatest speed of the base, each coordinate [rad/s, m/s].
-        distance_weight: of the capsules' distances; 0 leaves self-collision out.
-        max_steps: Gauss-Newton steps a frame, those that are taken back included.
-        converged: a step that lowers the cost by less than this part ends a frame.
+    Fields: start (T + 1,); link (R, 2) the links that carry the points, -1 for the world; point (R, 2, 3) in those
+    links' frames, or in W [m]; normal (R, 3) unit vector in W from the second body to the first; wanted (R,) [m];
+    weight (R,) [1/m].
     """
 
-    held_weight: float = 300.0
-    com_weight: float = 30.0
-    torso_weight: float = 2.0
-    posture_weight: float = 0.3
-    effort_weight: float = 0.1
-    smooth_weight: float = 0.0
-    row_weight: float = 1000.0
-    base_speed: float = 5.0
-    distance_weight: float = 300.0
-    max_steps: int = 12
-    converged: float = 1e-4
-
-
-class PointPairs(NamedTuple):
-    """K pairs of points, each to keep normal . (p_WA - p_WB) >= wanted.
-
-    Attributes:
-        link: (K, 2) int64 links that carry A and B, -1 for the world (see `Kinematics.bodies`).
-        point: (K, 2, 3) A and B in their links' frames, or in W [m].
-        normal: (K, 3) unit vector in W, from B to A.
-        wanted: (K,) distance along it [m].
-    """
-
+    start: np.ndarray
     link: np.ndarray
     point: np.ndarray
     normal: np.ndarray
     wanted: np.ndarray
+    weight: np.ndarray
 
 
-class FrameTargets(NamedTuple):
-    """What one frame should reach.
+class FrameTask(NamedTuple):
+    """What one frame should do; see `TrackingTargets`. Rows `first` to `last` - 1 of the distances are its own."""
+
+    X_WE: np.ndarray
+    effector_weight: np.ndarray
+    com: np.ndarray
+    com_weight: np.ndarray
+    q_ref: np.ndarray
+    posture_weight: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    rows: DistanceRows
+    first: int
+    last: int
+
+
+class FrameErrors(NamedTuple):
+    """What is left of one frame's tasks: effector (E,) [m] and com (3,) [m], written by the solver."""
+
+    effector: np.ndarray
+    com: np.ndarray
+
+
+def no_rows(num_frames: int) -> DistanceRows:
+    """No pair to keep apart in any frame."""
+    start = np.zeros(num_frames + 1, np.int64)
+    return DistanceRows(
+        start, np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingTargets:
+    """What T frames should do.
 
     Attributes:
-        X_WE: (E + 1, 4, 4) poses of the end effectors and, last, the torso, whose position does not matter [m].
-        held: (E,) contacts to hold; they count `held_weight`.
-        swing_linear, swing_angular: (E,) weights of end effectors that move, per metre and per radian; 0: free.
-        com: (3,) centre of mass [m], NaN where a coordinate is free.
-        q_reference: (nq,) preferred posture; only its joints count.
-        apart: pairs of points that must keep a distance.
+        X_WE: (T, E, 4, 4) poses wanted of the end effectors.
+        place_weight: (T, E) of their positions [1/m], 0 where an end effector is free.
+        turn_weight: (T, E) of their orientations [1/rad].
+        com: (T, 3) centre of mass wanted [m].
+        com_weight: (T, 3).
+        q_ref: (T, nq) posture wanted.
+        posture_weight: (nv,) of the base's orientation, its position and the joints.
+        lower, upper: (nv - 6,) limits of the joints.
+        rows: distances to keep.
     """
 
     X_WE: np.ndarray
-    held: np.ndarray
-    swing_linear: np.ndarray
-    swing_angular: np.ndarray
+    place_weight: np.ndarray
+    turn_weight: np.ndarray
     com: np.ndarray
-    q_reference: np.ndarray
-    apart: PointPairs
+    com_weight: np.ndarray
+    q_ref: np.ndarray
+    posture_weight: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    rows: DistanceRows = field(default_factory=lambda: no_rows(0))
 
 
-class TrackingErrors(NamedTuple):
-    """What a frame missed.
-
-    Attributes:
-        held_position: greatest position error of a held contact [m].
-        held_angle: greatest orientation error of a held contact [rad].
-        swing_position: greatest position error of a swinging end effector [m].
-        com: distance of the CoM to its target [m].
-        at_speed_limit: number of joints that move as fast as they may.
-    """
-
-    held_position: float
-    held_angle: float
-    swing_position: float
-    com: float
-    at_speed_limit: int
+def frame_targets(targets: TrackingTargets, f: int) -> TrackingTargets:
+    """The targets of frame f alone, without distances to keep."""
+    one = slice(f, f + 1)
+    return TrackingTargets(
+        targets.X_WE[one], targets.place_weight[one], targets.turn_weight[one], targets.com[one],
+        targets.com_weight[one], targets.q_ref[one], targets.posture_weight, targets.lower, targets.upper,
+    )  # fmt: skip
 
 
-class TrackingModel(NamedTuple):
-    """What `track_frame` needs of a robot: tree, with the torso as its last named frame, and capsules."""
-
-    tree: KinematicTree
-    capsules: BodyCapsules
-
-
-class TriedFrame(NamedTuple):
-    """A configuration tried for a frame, and what the tasks measure on it.
-
-    Attributes:
-        q: (nq,) configuration.
-        moved: (nv,) displacement from the last frame.
-        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
-        com: (3,) centre of mass [m].
-        error: (E + 1, 6) what `frame_error` says.
-        close: pairs of capsules that are close.
-    """
-
-    q: np.ndarray
-    moved: np.ndarray
-    R: np.ndarray
-    p: np.ndarray
-    com: np.ndarray
-    error: np.ndarray
-    close: CapsuleRows
+def frame_tasks(targets: TrackingTargets) -> FrameTask:
+    """All frames for a kernel: the arrays as they are, C-contiguous, with one more dimension in front."""
+    T = len(targets.com)
+    rows = targets.rows if len(targets.rows.start) == T + 1 else no_rows(T)
+    weight = np.stack([targets.place_weight, targets.turn_weight], axis=2)
+    arrays = (
+        targets.X_WE, weight, targets.com, targets.com_weight, targets.q_ref, targets.posture_weight, targets.lower,
+        targets.upper,
+    )  # fmt: skip
+    return FrameTask(*(np.array(array, dtype=float, order="C") for array in arrays), rows, 0, 0)
 
 
 @njit(cache=True)
-def make_frame(tree: KinematicTree) -> TriedFrame:
-    n = tree.parent.shape[0]
-    return TriedFrame(
-        np.empty(6 + n), np.empty(5 + n), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(3),
-        np.empty((tree.frame_link.shape[0], 6)), make_rows(MAX_CLOSE_PAIRS),
+def task_of_frame(frames: FrameTask, t: int) -> FrameTask:
+    """Frame t of all frames; weights of the posture and limits of the joints are everybody's."""
+    return FrameTask(
+        frames.X_WE[t], frames.effector_weight[t], frames.com[t], frames.com_weight[t], frames.q_ref[t],
+        frames.posture_weight, frames.lower, frames.upper, frames.rows, frames.rows.start[t], frames.rows.start[t + 1],
     )  # fmt: skip
 
 
 @njit(cache=True)
-def _weights(targets: FrameTargets, options: TrackingOptions, e: int) -> tuple[float, float]:
-    """Angular and linear weight of end effector e, or of the torso, the last."""
-    if e == targets.held.shape[0]:
-        return options.torso_weight, 0.0
-    if targets.held[e]:
-        return 0.3 * options.held_weight, options.held_weight
-    return targets.swing_angular[e], targets.swing_linear[e]
-
-
-@njit(cache=True)
-def measure_frame(
-    model: TrackingModel, targets: FrameTargets, options: TrackingOptions, dt: float, v_previous: np.ndarray,
-    q_last: np.ndarray, f: TriedFrame,
-) -> tuple[float, int]:  # fmt: skip
-    """Fills a frame from its q; returns the cost of the program in the file's first lines, and the close pairs."""
-    tree = model.tree
-    difference(q_last, f.q, f.moved)
-    forward(tree, f.q, f.R, f.p)
-    center_of_mass(tree, f.R, f.p, f.com)
-    cost = 0.0
-    for e in range(targets.X_WE.shape[0]):
-        frame_error(tree, f.R, f.p, e, targets.X_WE[e], f.error[e])
-        angular, linear = _weights(targets, options, e)
-        r = f.error[e]
-        cost += angular**2 * (r[0] ** 2 + r[1] ** 2 + r[2] ** 2) + linear**2 * (r[3] ** 2 + r[4] ** 2 + r[5] ** 2)
-    for a in range(3):
-        if not np.isnan(targets.com[a]):
-            cost += options.com_weight**2 * (f.com[a] - targets.com[a]) ** 2
-    for i in range(f.moved.shape[0]):
-        cost += options.effort_weight**2 * f.moved[i] ** 2
-        if options.smooth_weight > 0.0:
-            cost += options.smooth_weight**2 * (f.moved[i] - dt * v_previous[i]) ** 2
-        if i >= 6:
-            cost += options.posture_weight**2 * (f.q[i + 1] - targets.q_reference[i + 1]) ** 2
-    point = np.empty(3)
-    for k in range(targets.apart.wanted.shape[0]):
-        cost += options.row_weight**2 * max(0.0, _missing(targets.apart, k, f, point)) ** 2
-    num_close = close_pairs(model.capsules, f.R, f.p, _NEAR, f.close) if options.distance_weight > 0.0 else 0
-    for k in range(num_close):
-        gap = f.close.distance[k] - model.capsules.clearance[f.close.pair[k]]
-        cost += options.distance_weight**2 * min(0.0, gap) ** 2
-    return cost, num_close
-
-
-@njit(cache=True)
-def _place(apart: PointPairs, k: int, end: int, f: TriedFrame, point: np.ndarray) -> int:
-    """Writes where in W [m] an end of pair k is; returns its link."""
-    link = apart.link[k, end]
-    o = apart.point[k, end]
-    for a in range(3):
-        point[a] = o[a]
-        if link >= 0:
-            point[a] = f.p[link, a] + f.R[link, a, 0] * o[0] + f.R[link, a, 1] * o[1] + f.R[link, a, 2] * o[2]
-    return link
-
-
-@njit(cache=True)
-def _missing(apart: PointPairs, k: int, f: TriedFrame, point: np.ndarray) -> float:
-    """How much pair k falls short of the distance it should keep [m]."""
-    missing = apart.wanted[k]
-    for end in range(2):
-        _place(apart, k, end, f, point)
-        for a in range(3):
-            missing -= (1.0 - 2.0 * end) * apart.normal[k, a] * point[a]
-    return missing
-
-
-@njit(cache=True)
-def _pair_row(
-    tree: KinematicTree, apart: PointPairs, k: int, f: TriedFrame, J: np.ndarray, point: np.ndarray, row: np.ndarray
-) -> None:
-    """Writes row (nv,), the derivative of pair k's distance; J (6, nv) and point (3,) are scratch."""
+def _add_row(H: np.ndarray, g: np.ndarray, row: np.ndarray, residual: float, columns: np.ndarray) -> None:
+    """Adds row^T row to the upper triangle of H and row^T residual to g."""
+    n = 0
     for i in range(row.shape[0]):
+        if row[i] != 0.0:
+            columns[n] = i
+            n += 1
+    for a in range(n):
+        i = columns[a]
+        x = row[i]
+        g[i] += x * residual
+        target = H[i]
+        for b in range(a, n):
+            target[columns[b]] += x * row[columns[b]]
+
+
+@njit(cache=True)
+def pair_distance(
+    tree: KinematicTree, R: np.ndarray, p: np.ndarray, link: np.ndarray, point: np.ndarray, normal: np.ndarray,
+    at: np.ndarray,
+) -> float:  # fmt: skip
+    """Distance of the two points along the normal [m]; writes where they are in W, at (2, 3)."""
+    d = 0.0
+    for s in range(2):
+        k = link[s]
+        for a in range(3):
+            at[s, a] = point[s, a]
+            if k >= 0:
+                at[s, a] = p[k, a] + R[k, a, 0] * point[s, 0] + R[k, a, 1] * point[s, 1] + R[k, a, 2] * point[s, 2]
+            d += normal[a] * at[s, a] * (1.0 if s == 0 else -1.0)
+    return d
+
+
+@njit(cache=True)
+def _add_effectors(
+    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, row: np.ndarray, columns: np.ndarray,
+    H: np.ndarray, g: np.ndarray, error: np.ndarray,
+) -> float:  # fmt: skip
+    """Position and orientation of every end effector that has a weight; returns their part of the cost."""
+    nv = frame.posture_weight.shape[0]
+    J, R_WE, p_WE, turn = np.empty((6, nv)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    cost = 0.0
+    for e in range(frame.effector_weight.shape[0]):
+        w, u = frame.effector_weight[e, 0], frame.effector_weight[e, 1]
+        error[e] = 0.0
+        if w <= 0.0:
+            continue
+        frame_pose(tree, R, p, e, R_WE, p_WE)
+        angle = rotation_error(R_WE, frame.X_WE[e, :3, :3], turn)
+        frame_jacobian(tree, R, p, e, J)
+        away = 0.0
+        for a in range(3):
+            gap = frame.X_WE[e, a, 3] - p_WE[a]
+            away += gap * gap
+            for i in range(nv):
+                row[i] = u * J[a, i]
+            _add_row(H, g, row, u * turn[a], columns)
+            for i in range(nv):
+                row[i] = w * J[3 + a, i]
+            _add_row(H, g, row, w * gap, columns)
+        error[e] = np.sqrt(away + (LEVER * angle) ** 2)
+        cost += w * w * away + u * u * angle * angle
+    return cost
+
+
+@njit(cache=True)
+def distance_row(
+    tree: KinematicTree, rows: DistanceRows, r: int, R: np.ndarray, p: np.ndarray, J: np.ndarray, row: np.ndarray
+) -> float:
+    """Writes row (nv,), the derivative of the distance of pair r, and returns it [m]; J (6, nv) is scratch."""
+    at = np.empty((2, 3))
+    d = pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
+    for i in range(J.shape[1]):
         row[i] = 0.0
-    for end in range(2):
-        link = _place(apart, k, end, f, point)
-        if link >= 0:
-            point_jacobian(tree, f.R, f.p, link, point[0], point[1], point[2], J)
-            for i in range(row.shape[0]):
-                for a in range(3):
-                    row[i] += (1.0 - 2.0 * end) * apart.normal[k, a] * J[3 + a, i]
+    for s in range(2):
+        if rows.link[r, s] < 0:
+            continue
+        point_jacobian(tree, R, p, rows.link[r, s], at[s, 0], at[s, 1], at[s, 2], J)
+        sign = 1.0 if s == 0 else -1.0
+        for i in range(J.shape[1]):
+            for a in range(3):
+                row[i] += sign * rows.normal[r, a] * J[3 + a, i]
+    return d
 
 
 @njit(cache=True)
-def add_tasks(
-    model: TrackingModel, targets: FrameTargets, options: TrackingOptions, f: TriedFrame, num_close: int,
-    J_com: np.ndarray, program: StepProgram,
-) -> int:  # fmt: skip
-    """Adds everything that depends on where the robot is; returns the number of inequality rows."""
-    tree = model.tree
-    nv = f.moved.shape[0]
-    for e in range(targets.X_WE.shape[0]):
-        angular, linear = _weights(targets, options, e)
-        if angular > 0.0 or linear > 0.0:
-            add_frame_task(tree, f.R, f.p, e, f.error[e], angular, linear, program)
-    com_jacobian(tree, f.R, f.p, f.com, J_com)
-    for a in range(3):
-        if not np.isnan(targets.com[a]):
-            add_row(J_com[a], targets.com[a] - f.com[a], options.com_weight, program)
-    for j in range(nv - 6):
-        add_diagonal(6 + j, targets.q_reference[7 + j] - f.q[7 + j], options.posture_weight, program)
-    num_rows = 0
-    row, point, J = np.empty(nv), np.empty(3), np.empty((6, nv))
-    for k in range(targets.apart.wanted.shape[0]):
-        missing = _missing(targets.apart, k, f, point)
-        _pair_row(tree, targets.apart, k, f, J, point, row)
-        num_rows = add_inequality(row, missing, options.row_weight, num_rows, program)
-    for k in range(num_close):
-        distance_row(tree, f.R, f.p, f.close, k, row)
-        gap = f.close.distance[k] - model.capsules.clearance[f.close.pair[k]]
-        num_rows = add_inequality(row, -gap, options.distance_weight, num_rows, program)
-    return num_rows
-
-
-@njit(cache=True)
-def bound_and_damp(
-    tree: KinematicTree, options: TrackingOptions, dt: float, v_previous: np.ndarray, damping: float, f: TriedFrame,
-    program: StepProgram,
+def _add_distances(
+    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, row: np.ndarray, columns: np.ndarray,
+    H: np.ndarray, g: np.ndarray,
 ) -> None:  # fmt: skip
-    """Adds what belongs to the whole displacement since the last frame: effort, smoothness, and the hard bounds."""
-    for i in range(f.moved.shape[0]):
-        add_diagonal(i, -f.moved[i], options.effort_weight, program)
-        if options.smooth_weight > 0.0:
-            add_diagonal(i, dt * v_previous[i] - f.moved[i], options.smooth_weight, program)
-        program.H[i, i] += damping
-        reach = dt * (options.base_speed if i < 6 else tree.speed[i - 6])
-        down, up = -reach - f.moved[i], reach - f.moved[i]
-        program.lower[i], program.upper[i] = down, up
-        if i >= 6:
-            j = i - 6
-            # Where a limit was broken before the frame began, the way back is as fast as the speed limit allows.
-            program.lower[i] = min(max(down, tree.lower[j] - f.q[7 + j]), up)
-            program.upper[i] = max(min(up, tree.upper[j] - f.q[7 + j]), down)
+    """Inequalities d + J v >= wanted as equalities d + J v - slack = wanted, slack >= 0, in the least-squares sense."""
+    nv = frame.posture_weight.shape[0]
+    J, rows = np.empty((6, nv)), frame.rows
+    for r in range(frame.first, frame.last):
+        d = distance_row(tree, rows, r, R, p, J, row)
+        w = rows.weight[r]
+        for i in range(nv):
+            row[i] *= w
+        row[nv:] = 0.0
+        row[nv + r - frame.first] = -w
+        _add_row(H, g, row, w * (rows.wanted[r] - d), columns)
+
+
+@njit(cache=True)
+def add_missing_distances(
+    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, H: np.ndarray, g: np.ndarray
+) -> float:
+    """The distances that fall short as they are, without slacks; returns their part of the cost."""
+    nv = frame.posture_weight.shape[0]
+    J, row, columns, at = np.empty((6, nv)), np.empty(nv), np.empty(nv, np.int64), np.empty((2, 3))
+    rows, cost = frame.rows, 0.0
+    for r in range(frame.first, frame.last):
+        missing = rows.wanted[r] - pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
+        if missing > 0.0:
+            distance_row(tree, rows, r, R, p, J, row)
+            w = rows.weight[r]
+            for i in range(nv):
+                row[i] *= w
+            _add_row(H, g, row, w * missing, columns)
+            cost += (w * missing) ** 2
+    return cost
+
+
+@njit(cache=True)
+def normal_equations(
+    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, q: np.ndarray, H: np.ndarray, g: np.ndarray,
+    errors: FrameErrors,
+) -> float:  # fmt: skip
+    """Gauss-Newton's H (upper triangle) and g at q, the errors there, and the cost without distances.
+
+    Where H has room for them, slacks of the distances come last; where it has not, distances are left out.
+    """
+    nv = frame.posture_weight.shape[0]
+    H[:] = 0.0
+    g[:] = 0.0
+    row, columns = np.zeros(g.shape[0]), np.empty(g.shape[0], np.int64)
+    cost = _add_effectors(tree, frame, R, p, row, columns, H, g, errors.effector)
+    J, com = np.zeros((3, nv)), np.empty(3)
+    com_jacobian(tree, R, p, com, J)
+    for a in range(3):
+        errors.com[a] = com[a] - frame.com[a]
+        w = frame.com_weight[a]
+        if w > 0.0:
+            cost += (w * errors.com[a]) ** 2
+            for i in range(nv):
+                row[i] = w * J[a, i]
+            _add_row(H, g, row, -w * errors.com[a], columns)
+    difference(q, frame.q_ref, row)
+    for i in range(nv):
+        w = frame.posture_weight[i]
+        H[i, i] += w * w + DAMPING
+        g[i] += w * w * row[i]
+        cost += (w * row[i]) ** 2
+    if g.shape[0] > nv:
+        _add_distances(tree, frame, R, p, row, columns, H, g)
+    return cost

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optimization.frame_task import DistanceRows, TrackingTargets, frame_targets
 from optimization.kinematic_tree import integrate
 from optimization.kinematics import Kinematics
-from optimization.posture_tracking import DistanceRows, TrackingTargets, frame_targets, track_postures
+from optimization.posture_tracking import track_postures
 from scenes.plant import build_plant
 from scenes.robot import load_robot
 
