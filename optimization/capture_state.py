@@ -18,7 +18,7 @@ from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
 from scenes.robot import Robot
 from scenes.stance import Stance
 
-HELD_WEIGHT, COM_WEIGHT, FREE_WEIGHT, POSTURE_WEIGHT = 300.0, 100.0, 3.0, 0.3  # [1/m, 1/rad]
+HELD_WEIGHT, COM_WEIGHT, FREE_WEIGHT, POSTURE_WEIGHT = 300.0, 100.0, 10.0, 0.3  # [1/m, 1/rad]
 LIFT = 0.06  # [m] a foot that is not held hangs this high over the ground that the other one stands on
 BASE_SPEED = 8.0  # [rad/s, m/s] bound on the base's velocity, far from what joints allow
 # weights of the velocity's terms: contacts [s/m], linear and angular momentum over M [s/m] and in N m s, joints [s/rad]
