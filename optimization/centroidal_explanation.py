@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,23 +23,62 @@ BLOCKS = {
     "rest: linear momentum": ("m/s", 10.0),
 }
 
+NOTHING = "the convex program has no answer, and no constraint that could give way explains it"
 
-def explain(program: CentroidalProgram) -> str:
-    """The constraint that must give way most for the convex program to have an answer, with place and amount."""
+
+@dataclass(frozen=True)
+class Shortfall:
+    """A constraint of the convex program that cannot be met, and by how much it must give way.
+
+    Attributes:
+        block: name of the constraint.
+        knot: where; of a contact, that at the start of its interval.
+        time: of that knot [s].
+        effector: whose, "" where it belongs to none.
+        amount: by how much.
+        unit: of the amount.
+    """
+
+    block: str
+    knot: int
+    time: float
+    effector: str
+    amount: float
+    unit: str
+
+    def __str__(self) -> str:
+        who = f" of {self.effector}" if self.effector else ""
+        place = f"knot {self.knot} ({self.time:.2f} s)"
+        return f"{self.block}{who} cannot be met at {place}: {self.amount:.3g} {self.unit} short"
+
+
+def shortfalls(program: CentroidalProgram) -> list[Shortfall]:
+    """The least that the convex program's constraints must give way for it to have an answer, the worst first."""
     intervals, contacts = np.arange(len(program.dt)), np.arange(len(program.interval))
-    cones = len(program.prog.lorentz_cone_constraints()) or 4 * len(contacts) * program.corners.rows.shape[1]
+    cones = sum(b.evaluator().get_description() == "friction cone" for b in program.prog.lorentz_cone_constraints())
+    cones = cones or 4 * len(contacts) * program.corners.rows.shape[1]
     groups = (np.repeat(contacts, cones // max(len(contacts), 1)), contacts, intervals, np.repeat(intervals, 3))
     groups = (*groups, np.zeros(3, int), np.zeros(program.v[-2:].size, int))
     may_give = {name: Relaxable(group, price) for group, (name, (_, price)) in zip(groups, BLOCKS.items(), strict=True)}
-    found = smallest_relaxation(program.prog, may_give)
-    if not found:
-        return "the convex program has no answer, and no constraint that could give way explains it"
-    worst = found[0]
-    knot, who = len(program.dt), ""
-    if worst.block in ("friction cone", "force limit"):
-        knot = int(program.interval[worst.group])
-        who = f" of {EFFECTORS[program.effector[worst.group]]}"
-    elif worst.block in ("com height", "com box"):
-        knot = worst.group + 1
-    place = f"knot {knot} ({program.problem.schedule.times[knot]:.2f} s)"
-    return f"{worst.block}{who} cannot be met at {place}: {worst.amount:.3g} {BLOCKS[worst.block][0]} short"
+    found = []
+    for relaxation in smallest_relaxation(program.prog, may_give):
+        knot, who = len(program.dt), ""
+        if relaxation.block in ("friction cone", "force limit"):
+            knot = int(program.interval[relaxation.group])
+            who = EFFECTORS[program.effector[relaxation.group]]
+        elif relaxation.block in ("com height", "com box"):
+            knot = relaxation.group + 1
+        time = float(program.problem.schedule.times[knot])
+        unit = BLOCKS[relaxation.block][0]
+        found.append(Shortfall(relaxation.block, knot, time, who, relaxation.amount, unit))
+    return found
+
+
+def explain(program: CentroidalProgram) -> str:
+    """The constraint that must give way most for the convex program to have an answer, with place and amount."""
+    found = shortfalls(program)
+    return (
+        str(found[0])
+        if found
+        else "the convex program has no answer, and no constraint that could give way explains it"
+    )

@@ -21,7 +21,7 @@ from pydrake.solvers import LorentzConeConstraint
 from scipy.spatial.transform import Rotation
 
 from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_options import ARM, GRAVITY, CentroidalOptions, CentroidalWeights, PerAxis
+from optimization.centroidal_options import ARM, GRAVITY, CentroidalOptions, CentroidalWeights
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
@@ -130,7 +130,9 @@ class Variant:
         dt = np.diff(t.t)[:, None]
         rates = [np.diff(x, axis=0) / dt for x in (t.com, t.linear_momentum, t.angular_momentum)]
         total, moment = np.tile([0.0, 0.0, -weight], (len(dt), 1)), np.zeros((len(dt), 3))
-        worst = dict.fromkeys(("dynamics", "friction", "pressure centre", "torque", "reach", "height"), 0.0)
+        worst: dict[str, float] = dict.fromkeys(
+            ("dynamics", "friction", "pressure centre", "torque", "reach", "height"), 0.0
+        )
         for n, e in zip(*np.nonzero(schedule.active >= 0), strict=True):
             contact = schedule.contacts[schedule.active[n, e]]
             force, cop, R = t.force_W[n, e], t.cop_C[n, e], contact.R_WC
@@ -231,7 +233,7 @@ def _schedule(plan: dict, planner: dict) -> ContactSchedule:
 
 
 def _options(planner: dict) -> CentroidalOptions:
-    def axes(name: str) -> PerAxis:
+    def axes(name: str) -> tuple[float, float, float]:
         x, y, z = planner[name]
         return x, y, z
 

@@ -98,13 +98,13 @@ def test_a_reference_that_cheats_is_not_called_beaten(twin: dict, tmp_path: Path
     ("spoil", "rule"),
     [
         (lambda t: replace(t, force_W=t.force_W * 1.001), "dynamics"),
-        (lambda t: replace(t, com=t.com + [0.0, 0.0, 0.2]), "reach"),
-        (lambda t: replace(t, cop_C=t.cop_C + [0.0, 0.2]), "pressure centre"),
+        (lambda t: replace(t, com=t.com + np.array([0.0, 0.0, 0.2])), "reach"),
+        (lambda t: replace(t, cop_C=t.cop_C + np.array([0.0, 0.2])), "pressure centre"),
         (lambda t: replace(t, torque_n=t.torque_n + 300.0), "torque"),
         (lambda t: replace(t, force_W=t.force_W * [3.0, 1.0, -1.0]), "friction"),
     ],
 )
-def test_each_rule_is_checked(spoil, rule: str, twin: dict, tmp_path: Path) -> None:  # noqa: ANN001
+def test_each_rule_is_checked(spoil, rule: str, twin: dict, tmp_path: Path) -> None:
     path = tmp_path / "case.json"
     path.write_text(json.dumps(twin), encoding="utf-8")
     (variant,) = read_case(path)
@@ -138,7 +138,7 @@ def test_reach_is_measured_to_the_pressure_centre(twin: dict, tmp_path: Path) ->
         lambda v: v["initial"].update(com=[float("nan"), 0.0, 0.0]),
     ],
 )
-def test_a_broken_case_is_named(spoil, twin: dict, tmp_path: Path) -> None:  # noqa: ANN001
+def test_a_broken_case_is_named(spoil, twin: dict, tmp_path: Path) -> None:
     data = copy.deepcopy(twin)
     spoil(data["variants"]["twin"])
     with pytest.raises(InputError, match=r"case\.json"):
