@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from scenes.effector import EFFECTORS
 from scenes.stance import Stance, changed_effector
@@ -82,3 +83,66 @@ class TransitionBatch:
             held, X[..., :3, 3].copy(), X[..., :3, :3].copy(), mover, makes, X_new[:, :3, 3].copy(),
             X_new[:, :3, :3].copy(), np.array(com, float).reshape(n, 3), np.array(velocity, float).reshape(n, 3), friction,
         )  # fmt: skip
+
+    @classmethod
+    def of_children(
+        cls, p: np.ndarray, R: np.ndarray, before: Sequence[int] | np.ndarray, after: np.ndarray, com: np.ndarray,
+        velocity: np.ndarray, friction: np.ndarray | None = None,
+    ) -> TransitionBatch:  # fmt: skip
+        """The n children of one search state, from contacts by number.
+
+        Args:
+            p: (C, 3) points of all contacts in W [m].
+            R: (C, 3, 3) their frames in W.
+            before: (E,) contact number of each end effector, -1 where it is free.
+            after: (n, E) the same after each transition; each differs from `before` in one end effector.
+            com: (3,) CoM in W at the start [m].
+            velocity: (3,) its velocity in W [m/s].
+            friction: (C,) coefficients of all contacts, or None: as in training.
+
+        Raises:
+            ValueError: a child differs from its parent in none or in more than one end effector.
+        """
+        before, after = np.asarray(before, np.int64), np.asarray(after, np.int64).reshape(-1, len(EFFECTORS))
+        n = len(after)
+        held, mover, makes = np.zeros((n, 4), np.bool_), np.zeros(n, np.int64), np.zeros(n, np.bool_)
+        p_held, R_held = np.zeros((n, 4, 3)), np.zeros((n, 4, 3, 3))
+        p_new, R_new, least = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.full(n, np.inf)
+        mu = np.zeros(0) if friction is None else np.asarray(friction, float)
+        if not _children(p, R, mu, before, after, held, p_held, R_held, mover, makes, p_new, R_new, least):
+            raise ValueError("a child must differ from its parent in one end effector")
+        com, velocity = np.asarray(com, float), np.asarray(velocity, float)
+        return cls(
+            held, p_held, R_held, mover, makes, p_new, R_new, np.broadcast_to(com, (n, 3)),
+            np.broadcast_to(velocity, (n, 3)), None if friction is None else least,
+        )  # fmt: skip
+
+
+@njit(cache=True)
+def _children(
+    p: np.ndarray, R: np.ndarray, mu: np.ndarray, before: np.ndarray, after: np.ndarray, held: np.ndarray,
+    p_held: np.ndarray, R_held: np.ndarray, mover: np.ndarray, makes: np.ndarray, p_new: np.ndarray,
+    R_new: np.ndarray, least: np.ndarray,
+) -> bool:  # fmt: skip
+    """Fills the arrays from `held` on; False where a row differs from `before` in none or in more than one entry."""
+    for i in range(len(after)):
+        changed = 0
+        for e in range(4):
+            number = before[e]
+            if after[i, e] != number:
+                changed += 1
+                mover[i] = e
+            if number >= 0:
+                held[i, e] = True
+                p_held[i, e], R_held[i, e] = p[number], R[number]
+                if len(mu):
+                    least[i] = min(least[i], mu[number])
+        if changed != 1:
+            return False
+        number = after[i, mover[i]]
+        if number >= 0:
+            makes[i] = True
+            p_new[i], R_new[i] = p[number], R[number]
+            if len(mu):
+                least[i] = min(least[i], mu[number])
+    return True

@@ -26,7 +26,7 @@ five slots of contacts, positions from the CoM, rotations by their x and z axes;
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numba import njit
@@ -89,6 +89,10 @@ class CanonicalTransitions:
     com: np.ndarray
     velocity: np.ndarray
     feet_after: np.ndarray
+
+    def take(self, rows: np.ndarray) -> CanonicalTransitions:
+        """These rows of it, by index or mask."""
+        return CanonicalTransitions(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def vectors_from_world(self, v_W: np.ndarray) -> np.ndarray:
         """(n, 3) free vectors of W in the axes of F, mirrored like the rows."""

@@ -1,0 +1,191 @@
+"""Fully connected networks without torch: float32 NumPy, a handful of matrix products for a whole expansion.
+
+Two arrangements answer the same question, what the centroidal program would say of a transition:
+
+    documented   a classifier and a regressor for each category, 3 x 256 ReLU, documented inputs (Lin et al. 2019 fig. 4)
+    shared       one network for all categories on the relative inputs, a linear path beside it, averaged over members
+
+Normalisation is folded into the first and last layers when weights are written: networks take features as they are and
+answer in SI units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from learning.transition_features import (
+    NUM_CATEGORIES,
+    CanonicalTransitions,
+    documented_feature_names,
+    documented_features,
+    relative_feature_names,
+)
+
+NUM_REGRESSED = 7  # objective, final CoM (3), final CoM velocity (3)
+_LOG_COST_RANGE = (-20.0, 20.0)  # beyond this exp() says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkAnswer:
+    """What networks say of n transitions, in frame F and before calibration; rows of unknown category hold zeros.
+
+    Attributes:
+        logit: (n,) of feasibility.
+        cost: (n,) objective of the centroidal program [-].
+        com: (n, 3) final CoM in F [m].
+        velocity: (n, 3) its velocity in F [m/s].
+    """
+
+    logit: np.ndarray
+    cost: np.ndarray
+    com: np.ndarray
+    velocity: np.ndarray
+
+
+class TransitionNetwork(Protocol):
+    """Any arrangement of networks for transitions."""
+
+    def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
+        """Answers for representatives, of which `relative` holds the relative features (n, 60)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Mlp:
+    """y = W_L relu(... relu(W_0 x + b_0) ...) + b_L + S x.
+
+    Attributes:
+        weights: L + 1 arrays (inputs, outputs), float32.
+        biases: as many (outputs,), float32.
+        skip: (inputs of the first, outputs of the last), or None: no linear path.
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    skip: np.ndarray | None = None
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """(n, outputs) for inputs (n, inputs), float32."""
+        y = x
+        last = len(self.weights) - 1
+        for k, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
+            y = y @ W
+            y += b
+            if k < last:
+                np.maximum(y, 0.0, out=y)
+        return y if self.skip is None else y + x @ self.skip
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Width of every layer, inputs and outputs among them."""
+        return (len(self.weights[0]), *(W.shape[1] for W in self.weights))
+
+
+@dataclass(frozen=True, eq=False)
+class SharedNetwork:
+    """One network for all categories; the mean of its members where there are several.
+
+    Outputs: logit, log of the objective, final CoM from the feet's mean after (3) [m], final velocity (3) [m/s].
+    """
+
+    members: tuple[Mlp, ...]
+
+    def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
+        """See `TransitionNetwork`."""
+        y = self.members[0](relative)
+        for member in self.members[1:]:
+            y += member(relative)
+        if len(self.members) > 1:
+            y /= len(self.members)
+        y[c.category < 0] = 0.0
+        return NetworkAnswer(y[:, 0], np.exp(y[:, 1].clip(*_LOG_COST_RANGE)), c.feet_after + y[:, 2:5], y[:, 5:8])
+
+
+@dataclass(frozen=True, eq=False)
+class DocumentedNetworks:
+    """A classifier and a regressor for each category; None where there was nothing to learn a category from.
+
+    Regressor's outputs: objective (through a ReLU), final CoM in F (3) [m], final velocity in F (3) [m/s].
+    """
+
+    classifiers: tuple[Mlp | None, ...]
+    regressors: tuple[Mlp | None, ...]
+
+    def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
+        """See `TransitionNetwork`; categories without networks are answered as infeasible."""
+        n = len(c.category)
+        logit, regressed = np.full(n, -np.inf, np.float32), np.zeros((n, NUM_REGRESSED), np.float32)
+        logit[c.category < 0] = 0.0
+        for category in np.unique(c.category[c.category >= 0]):
+            classifier, regressor = self.classifiers[category], self.regressors[category]
+            rows = c.category == category
+            x = documented_features(c, int(category)).astype(np.float32)
+            if classifier is not None:
+                logit[rows] = classifier(x)[:, 0]
+            if regressor is not None:
+                regressed[rows] = regressor(x)
+        return NetworkAnswer(logit, regressed[:, 0].clip(0.0), regressed[:, 1:4], regressed[:, 4:7])
+
+
+def network_tensors(network: SharedNetwork | DocumentedNetworks) -> dict[str, np.ndarray]:
+    """Every array of it by name."""
+    tensors: dict[str, np.ndarray] = {}
+    for prefix, mlp in _named(network):
+        for k, (W, b) in enumerate(zip(mlp.weights, mlp.biases, strict=True)):
+            tensors[f"{prefix}.{k}.weight"], tensors[f"{prefix}.{k}.bias"] = W, b
+        if mlp.skip is not None:
+            tensors[f"{prefix}.skip"] = mlp.skip
+    return tensors
+
+
+def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> SharedNetwork | DocumentedNetworks:
+    """The inverse of `network_tensors`, for kind "shared" or "documented".
+
+    Raises:
+        ValueError: arrays are missing, have shapes that do not fit each other or this code's features, or another kind.
+    """
+    if kind == "shared":
+        count = len({name.split(".")[0] for name in tensors if name.startswith("member")})
+        members = tuple(_mlp(f"member{k}", tensors, len(relative_feature_names()), 8) for k in range(count))
+        if not members:
+            raise ValueError("no member of the network")
+        return SharedNetwork(members)
+    if kind != "documented":
+        raise ValueError(f"unknown kind of network {kind!r}")
+    pairs: dict[str, list[Mlp | None]] = {"classifier": [], "regressor": []}
+    for category in range(NUM_CATEGORIES):
+        inputs = len(documented_feature_names(category))
+        for name, outputs in (("classifier", 1), ("regressor", NUM_REGRESSED)):
+            there = f"{name}{category}.0.weight" in tensors
+            pairs[name].append(_mlp(f"{name}{category}", tensors, inputs, outputs) if there else None)
+    return DocumentedNetworks(tuple(pairs["classifier"]), tuple(pairs["regressor"]))
+
+
+def _named(network: SharedNetwork | DocumentedNetworks) -> list[tuple[str, Mlp]]:
+    if isinstance(network, SharedNetwork):
+        return [(f"member{k}", mlp) for k, mlp in enumerate(network.members)]
+    named = [(f"classifier{k}", mlp) for k, mlp in enumerate(network.classifiers)]
+    named += [(f"regressor{k}", mlp) for k, mlp in enumerate(network.regressors)]
+    return [(name, mlp) for name, mlp in named if mlp is not None]
+
+
+def _mlp(prefix: str, tensors: Mapping[str, np.ndarray], inputs: int, outputs: int) -> Mlp:
+    weights, biases = [], []
+    while f"{prefix}.{len(weights)}.weight" in tensors:
+        name = f"{prefix}.{len(weights)}"
+        W, b = tensors[f"{name}.weight"], tensors.get(f"{name}.bias")
+        width = weights[-1].shape[1] if weights else inputs
+        if W.ndim != 2 or W.shape[0] != width or b is None or b.shape != (W.shape[1],):
+            raise ValueError(f"{name}.weight has shape {W.shape}, expected ({width}, outputs) and a bias as long")
+        weights.append(W)
+        biases.append(b)
+    if not weights or weights[-1].shape[1] != outputs:
+        raise ValueError(f"{prefix} has not {outputs} outputs")
+    skip = tensors.get(f"{prefix}.skip")
+    if skip is not None and skip.shape != (inputs, outputs):
+        raise ValueError(f"{prefix}.skip has shape {skip.shape}, expected {(inputs, outputs)}")
+    return Mlp(tuple(weights), tuple(biases), skip)

@@ -1,0 +1,190 @@
+"""The learned stand-in for the centroidal program of one contact transition (Lin et al. 2019 sec. VII).
+
+    surrogate = load_surrogate("escher")
+    says = surrogate.predict(batch)             # a TransitionBatch: every child of an expansion at once
+    says.probability, says.feasible             # (n,) of being dynamically feasible; at or above the category's threshold
+    says.cost, says.com, says.velocity          # (n,) objective, (n, 3) final CoM in W [m], (n, 3) its velocity [m/s]
+    says.far                                    # (n,) outside the training data: ask the exact program instead
+
+A batch is arrays: which end effectors hold contacts before, `p` (n, E, 3) and `R` (n, E, 3, 3) of those, the mover, its
+new contact where it makes one, CoM and velocity (`transition_batch.py`). `TransitionBatch.of_children` makes it
+from contact numbers, `TransitionBatch.from_stances` from stances.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+
+from learning.calibration import TrainingRange
+from learning.network import TransitionNetwork, network_from_tensors, network_tensors
+from learning.transition_batch import TransitionBatch
+from learning.transition_features import (
+    NUM_CATEGORIES,
+    UNKNOWN,
+    CanonicalTransitions,
+    canonicalise,
+    relative_feature_names,
+    relative_features,
+)
+from learning.weights import PRETRAINED, NoWeightsError, WeightsError, read_weights
+from scenes.robot import Robot, load_robot
+
+NAME = "dynamics"  # of the weight files in a robot's folder
+FRICTION_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class TransitionPrediction:
+    """What a surrogate says of n transitions.
+
+    Attributes:
+        probability: (n,) of being dynamically feasible, calibrated; 0 where the category is unknown.
+        feasible: (n,) bool, whether it reaches the threshold of its category.
+        cost: (n,) objective of the centroidal program [-]; inf where the category is unknown.
+        com: (n, 3) final CoM in W [m].
+        velocity: (n, 3) final CoM velocity in W [m/s].
+        far: (n,) bool, outside the training data in its features or its friction, or of unknown category.
+        category: (n,) 0..9 or UNKNOWN.
+    """
+
+    probability: np.ndarray
+    feasible: np.ndarray
+    cost: np.ndarray
+    com: np.ndarray
+    velocity: np.ndarray
+    far: np.ndarray
+    category: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class DynamicsSurrogate:
+    """Networks, their calibration, and where they may be asked.
+
+    Attributes:
+        network: logit, cost and final CoM state of representatives.
+        scale: (10,) a and
+        offset: (10,) b of the calibrated probability expit(a logit + b), a category each.
+        threshold: (10,) probability from which a transition counts as feasible.
+        range: where the training data were.
+        friction: least and greatest friction coefficient in them [-].
+        card: what was written beside the weights.
+    """
+
+    network: TransitionNetwork
+    scale: np.ndarray
+    offset: np.ndarray
+    threshold: np.ndarray
+    range: TrainingRange
+    friction: tuple[float, float]
+    card: dict[str, Any]
+
+    def predict(self, batch: TransitionBatch) -> TransitionPrediction:
+        """Answers for every row, in W; nothing is refused, rows that cannot be trusted are `far`."""
+        c = canonicalise(batch)
+        prediction = self.predict_canonical(c, relative_features(c))
+        if batch.friction is not None:
+            low, high = self.friction
+            beyond = (batch.friction < low - FRICTION_TOLERANCE) | (batch.friction > high + FRICTION_TOLERANCE)
+            np.logical_or(prediction.far, beyond, out=prediction.far)
+        return prediction
+
+    def predict_canonical(self, c: CanonicalTransitions, relative: np.ndarray) -> TransitionPrediction:
+        """The same for representatives and their relative features; friction is not looked at."""
+        says = self.network.answer(c, relative)
+        known = c.category != UNKNOWN
+        k = c.category  # UNKNOWN (-1) reads the last category and is overwritten
+        probability = expit(self.scale[k] * says.logit + self.offset[k])
+        probability[~known] = 0.0
+        cost = np.where(known, says.cost, np.inf)
+        far = self.range.distance(relative, c.category) > 1.0
+        # Numbers that are not finite, in or out, are nobody's prediction.
+        sound = np.isfinite(probability) & np.isfinite(says.com).all(axis=1) & np.isfinite(says.velocity).all(axis=1)
+        sound &= np.isfinite(relative).all(axis=1)
+        if not sound.all():
+            far |= ~sound
+            probability = np.where(sound, probability, 0.0)
+        return TransitionPrediction(
+            probability,
+            known & (probability >= self.threshold[k]),
+            cost,
+            c.points_to_world(says.com),
+            c.vectors_to_world(says.velocity),
+            far,
+            c.category,
+        )
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Every array of it by name, to be written."""
+        arrays = network_tensors(self.network)  # type: ignore[arg-type]
+        arrays |= {"calibration.scale": self.scale, "calibration.offset": self.offset}
+        arrays |= {"calibration.threshold": self.threshold, "calibration.friction": np.array(self.friction)}
+        arrays |= {"range.mean": self.range.mean, "range.whitening": self.range.whitening}
+        return arrays | {"range.limit": self.range.limit}
+
+
+def dynamics_fingerprint(robot: Robot) -> str:
+    """SHA-256 over what the dynamics of a transition depend on: mass, patches, reaches, heights and force limits."""
+    facts = [robot.mass, robot.half_extents, robot.com_height, robot.com_reach, robot.force_limit]
+    return hashlib.sha256(json.dumps([np.asarray(f, float).round(9).tolist() for f in facts]).encode()).hexdigest()
+
+
+def load_surrogate(robot: str | Robot, folder: Path | None = None) -> DynamicsSurrogate:
+    """The surrogate of this robot's dynamics, by default the one that comes with drakeplan.
+
+    Args:
+        robot: its name, or itself.
+        folder: with `dynamics.safetensors` and `dynamics.json`.
+
+    Raises:
+        NoWeightsError: there are none for this robot.
+        WeightsError: they are damaged, of another version, or of another robot.
+    """
+    robot = load_robot(robot) if isinstance(robot, str) else robot
+    try:
+        tensors, card = read_weights(folder or PRETRAINED / robot.name, NAME)
+    except NoWeightsError:
+        if folder is not None:
+            raise
+        raise NoWeightsError(
+            f"robot {robot.name!r} has no learned dynamics: use the exact program (--dynamics exact), or make weights "
+            f"with `drakeplan collect dynamics` and `drakeplan train dynamics`"
+        ) from None
+    return surrogate_from(tensors, card, robot)
+
+
+def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: Robot) -> DynamicsSurrogate:
+    """The surrogate that these arrays and this card describe.
+
+    Raises:
+        WeightsError: features, shapes or robot do not fit.
+    """
+    source = f"weights {card.get('name', NAME)!r} of robot {card.get('robot')!r}"
+    if card.get("features") != list(relative_feature_names()):
+        raise WeightsError(f"{source}: their list of features is not this version's; train them again")
+    if card.get("robot") != robot.name or card.get("robot_dynamics") != dynamics_fingerprint(robot):
+        raise WeightsError(f"{source}: they were trained for another robot than {robot.name!r} as it is now")
+    d = len(relative_feature_names())
+    shapes = {"calibration.scale": (NUM_CATEGORIES,), "calibration.offset": (NUM_CATEGORIES,),
+              "calibration.threshold": (NUM_CATEGORIES,), "calibration.friction": (2,), "range.limit": (NUM_CATEGORIES,),
+              "range.mean": (NUM_CATEGORIES, d), "range.whitening": (NUM_CATEGORIES, d, d)}  # fmt: skip
+    for key, shape in shapes.items():
+        if key not in tensors or tensors[key].shape != shape:
+            got = tensors[key].shape if key in tensors else "nothing"
+            raise WeightsError(f"{source}: {key}: expected shape {shape}, got {got}")
+    try:
+        network = network_from_tensors(str(card.get("kind")), tensors)
+    except ValueError as error:
+        raise WeightsError(f"{source}: {error}") from None
+    low, high = tensors["calibration.friction"]
+    return DynamicsSurrogate(
+        network, tensors["calibration.scale"], tensors["calibration.offset"], tensors["calibration.threshold"],
+        TrainingRange(tensors["range.mean"], tensors["range.whitening"], tensors["range.limit"]),
+        (float(low), float(high)), card,
+    )  # fmt: skip

@@ -1,0 +1,50 @@
+"""What a training is to do; no torch here, so that the command line can read its defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from scenes.input_error import InputError
+
+Kind = Literal["shared", "documented"]
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """Settings of one training; equal options, data and seed give equal bytes on a CPU.
+
+    Attributes:
+        kind: "documented": Lin et al. 2019 sec. VII as it stands; "shared": one network for all categories.
+        width: of every hidden layer (documented: 256).
+        depth: hidden layers (documented: 3).
+        epochs: passes over the data (documented: 100).
+        batch: rows of one step.
+        rate: greatest learning rate of AdamW; it falls to zero along a cosine.
+        decay: weight decay of AdamW.
+        members: networks that are averaged ("shared" only).
+        logit_weight: of the feasibility's log loss beside the regression ("shared" only).
+        seed: of the split by scene, the initial weights and the order of the rows.
+        recall: least share of feasible transitions that the threshold (never above 1/2) lets through, on the validation scenes.
+    """
+
+    kind: Kind = "shared"
+    width: int = 256
+    depth: int = 3
+    epochs: int = 100
+    batch: int = 256
+    rate: float = 1e-3
+    decay: float = 1e-2
+    members: int = 1
+    logit_weight: float = 1.0
+    seed: int = 0
+    recall: float = 0.95
+
+    def __post_init__(self) -> None:
+        for name in ("width", "depth", "epochs", "batch", "members"):
+            if getattr(self, name) < 1:
+                raise InputError(f"training: {name} must be at least 1, got {getattr(self, name)}")
+        if not 0.0 < self.recall <= 1.0:
+            raise InputError(f"training: recall must lie in (0, 1], got {self.recall}")
+        if not (self.rate > 0 and self.decay >= 0 and self.seed >= 0 and self.logit_weight > 0):
+            raise InputError("training: rate and logit_weight must be positive, decay and seed not negative")

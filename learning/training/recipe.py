@@ -1,0 +1,169 @@
+"""From labels to weights: networks, calibration on validation scenes, measurement on test scenes, card."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+
+from learning.calibration import fit_platt, fit_training_range, threshold_for_recall
+from learning.fit_report import FitReport, fit_report
+from learning.labelled_transitions import TEST, TRAIN, VALIDATION, LabelledTransitions, LearningSet, learning_set
+from learning.network import DocumentedNetworks, Mlp, SharedNetwork
+from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint
+from learning.training.lesson import lessons
+from learning.training.options import TrainingOptions
+from learning.training.teacher import Taught, teach
+from learning.transition_features import NUM_CATEGORIES, relative_feature_names
+from learning.weights import replace_file, write_weights
+from scenes.input_error import InputError
+from scenes.robot import Robot
+
+CHECKPOINTS, CURVES, REPORT = "checkpoints", "curves.csv", "report.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """One epoch of one network is done.
+
+    Attributes:
+        network: its name.
+        number: which network this is, from 1.
+        networks: how many there are.
+        epoch: from 1.
+        epochs: how many there are.
+        loss: of the training rows.
+        validation: of the validation rows, NaN without any.
+    """
+
+    network: str
+    number: int
+    networks: int
+    epoch: int
+    epochs: int
+    loss: float
+    validation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """What a training made.
+
+    Attributes:
+        path: of the weights.
+        surrogate: as it was written.
+        report: of the test scenes.
+    """
+
+    path: Path
+    surrogate: DynamicsSurrogate
+    report: FitReport
+
+
+def train_dynamics(
+    labels: LabelledTransitions, robot: Robot, out: Path, options: TrainingOptions, tell: Callable[[Progress], None]
+) -> Trained:
+    """Trains, calibrates, measures, and writes weights, card, curves and report to `out`.
+
+    A run that was killed is taken up from its last epoch when it is started again with the same data and options, and
+    writes the same bytes.
+
+    Raises:
+        InputError: too few scenes to hold any out, or no feasible transition to learn from.
+    """
+    data = learning_set(labels, options.seed)
+    _check(data)
+    plan = lessons(data, options)
+    taught: dict[str, Taught] = {}
+    for number, lesson in enumerate(plan, start=1):
+
+        def told(name: str, epoch: int, loss: float, check: float, number: int = number) -> None:
+            tell(Progress(name, number, len(plan), epoch, options.epochs, loss, check))
+
+        taught[lesson.name] = teach(lesson, options, out / CHECKPOINTS, told)
+    network = _assemble(options, {name: t.mlp for name, t in taught.items()})
+    friction = labels.batch.friction if labels.batch.friction is not None else np.array([0.5])
+    card = _card(robot, options, data, labels)
+    surrogate = calibrated(network, data, options.recall, (float(friction.min()), float(friction.max())), card)
+    report = fit_report(surrogate, data)
+    card |= {"measured": report.facts()}
+    write_weights(out, NAME, surrogate.tensors(), card)
+    _write_curves(out / CURVES, taught)
+    replace_file(out / REPORT, (json.dumps(report.facts(), indent=1) + "\n").encode())
+    return Trained(out / f"{NAME}.safetensors", surrogate, report)
+
+
+def calibrated(
+    network: SharedNetwork | DocumentedNetworks, data: LearningSet, recall: float, friction: tuple[float, float],
+    card: dict[str, Any],
+) -> DynamicsSurrogate:  # fmt: skip
+    """The surrogate of a network: probabilities, thresholds and limits from the validation scenes."""
+    rows = data.rows(VALIDATION)
+    c, truth = data.representatives.take(rows), data.feasible[rows]
+    logit = np.asarray(network.answer(c, data.relative[rows]).logit, float)
+    scale, offset = np.ones(NUM_CATEGORIES), np.zeros(NUM_CATEGORIES)
+    threshold = np.full(NUM_CATEGORIES, 0.5)
+    for k in range(NUM_CATEGORIES):
+        mine = (c.category == k) & np.isfinite(logit)
+        scale[k], offset[k] = fit_platt(logit[mine], truth[mine])
+        threshold[k] = threshold_for_recall(expit(scale[k] * logit[mine] + offset[k]), truth[mine], recall)
+    seen = np.concatenate([data.rows(TRAIN), rows])
+    extent = fit_training_range(data.relative[seen], data.representatives.category[seen])
+    as_float32 = [a.astype(np.float32) for a in (scale, offset, np.minimum(threshold, 0.5))]
+    return DynamicsSurrogate(network, *as_float32, extent, friction, card)
+
+
+def _check(data: LearningSet) -> None:
+    if not len(data.feasible):
+        raise InputError("training data: no transition of a known category")
+    for part, name in ((TRAIN, "train on"), (VALIDATION, "calibrate on"), (TEST, "test on")):
+        if not len(data.rows(part)):
+            raise InputError(f"training data: too few scenes, none is left to {name}; collect more")
+    if not data.feasible[data.rows(TRAIN)].any():
+        raise InputError("training data: no feasible transition among them, so there is no outcome to learn")
+
+
+def _assemble(options: TrainingOptions, mlps: dict[str, Mlp]) -> SharedNetwork | DocumentedNetworks:
+    if options.kind == "shared":
+        return SharedNetwork(tuple(mlps[f"member{k}"] for k in range(options.members)))
+    every = range(NUM_CATEGORIES)
+    return DocumentedNetworks(
+        tuple(mlps.get(f"classifier{k}") for k in every), tuple(mlps.get(f"regressor{k}") for k in every)
+    )
+
+
+def _card(robot: Robot, options: TrainingOptions, data: LearningSet, labels: LabelledTransitions) -> dict[str, Any]:
+    names = {TRAIN: "train", VALIDATION: "validation", TEST: "test"}
+    return {
+        "about": "learned centroidal dynamics of one contact transition (Lin et al. 2019 sec. VII)",
+        "kind": options.kind,
+        "robot": robot.name,
+        "robot_dynamics": dynamics_fingerprint(robot),
+        "features": list(relative_feature_names()),
+        "outputs": "logit, log objective, final CoM from the feet's mean after in F [m], final velocity in F [m/s]",
+        "training": asdict(options),
+        "data": labels.source,
+        "rows": {name: data.counts(part).tolist() for part, name in names.items()},
+        "feasible": {name: _feasible(data, part) for part, name in names.items()},
+    }
+
+
+def _feasible(data: LearningSet, part: int) -> list[int]:
+    yes = (data.part == part) & data.feasible
+    return np.bincount(data.representatives.category[yes], minlength=NUM_CATEGORIES).tolist()
+
+
+def _write_curves(path: Path, taught: dict[str, Taught]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(["network", "epoch", "training_loss", "validation_loss"])
+    for name, one in taught.items():
+        writer.writerows([name, k, *map(repr, losses)] for k, losses in enumerate(one.curve, start=1))
+    replace_file(path, text.getvalue().encode())
