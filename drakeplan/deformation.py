@@ -1,0 +1,294 @@
+"""A verified plan deformed to a terrain that has changed, instead of planned again (Lin 2020 sec. 4.5).
+
+    contacts -> nearest contact regions -> elastic strip -> dynamics and motion -> verifier
+
+Each contact goes to the circle nearest to it by the distance of eq. 4.4; the elastic strip moves contacts and postures
+together until limits, contact, balance and clearance hold; dynamics and motion are made anew over the contacts that come
+out. A place that the strip or the motion breaks at is barred, and the contact goes to the next.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
+from drakeplan.plan import COMPLETE, Plan
+from drakeplan.plan_assembly import assemble_plan
+from drakeplan.plan_file import read_plan, write_plan
+from drakeplan.progress import ProgressEvent
+from drakeplan.strip_setup import Sampling, choose_region, contact_choices, make_problem, planned_contacts, stands_alone
+from drakeplan.verifier import Report, verify
+from optimization.elastic_problem import BALANCE, CONTACT, StripEstimate, StripOptions
+from optimization.elastic_strip import ElasticStrip
+from optimization.whole_body_ik import WholeBodyIK
+from scenes.contact import Contact
+from scenes.contact_regions import ContactRegions
+from scenes.input_error import InputError
+from scenes.packed_terrain import PackedTerrain, pack_terrain
+from scenes.robot import Robot, load_robot
+from scenes.scene import Scene
+from scenes.scene_file import scene_from_yaml
+from scenes.stance import Stance
+
+MAX_PER_PHASE = 10  # configurations (issue of the test of use: at most 10 a phase)
+WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
+
+
+@dataclass(frozen=True)
+class DeformOptions:
+    """How a plan is deformed.
+
+    Attributes:
+        strip: of the elastic strip; its cone is the plan's, whatever is said here.
+        per_phase: configurations of each phase in the strip, 1 to 10.
+        furthest: distance (eq. 4.4) beyond which a region is no place for a contact [m].
+        repairs: times that a place at which strip or motion breaks is barred and the plan deformed again.
+        deadline: of regions and strips together, after which no further repair is begun [s].
+        motion: whether dynamics and motion are made anew and verified; False ends with the contacts.
+        progress: told what is going on.
+    """
+
+    strip: StripOptions = field(default_factory=lambda: StripOptions(turn=0.06))
+    per_phase: int = 3
+    furthest: float = 0.35
+    repairs: int = 4
+    deadline: float = 5.0
+    motion: bool = True
+    progress: Callable[[ProgressEvent], None] | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.per_phase <= MAX_PER_PHASE:
+            raise InputError(f"deform: per_phase must be 1 to {MAX_PER_PHASE}, got {self.per_phase}")
+        for key in ("furthest", "deadline"):
+            if not (np.isfinite(getattr(self, key)) and getattr(self, key) > 0.0):
+                raise InputError(f"deform: {key} must be finite and positive, got {getattr(self, key)}")
+        if self.repairs < 0:
+            raise InputError(f"deform: repairs must not be negative, got {self.repairs}")
+
+
+@dataclass(frozen=True, eq=False)
+class DeformResult:
+    """What came of a deformation.
+
+    Attributes:
+        status: "complete" (the verifier holds), "contacts" (the strip holds, its motion does not or was not asked for),
+            "strip" (the strip breaks; `strip` is the best so far, its faults say where) or "none" (a contact has
+            nowhere to go).
+        reason: one line; "" when complete.
+        plan: complete, or with contacts alone; None where the strip breaks.
+        strip: the last elastic strip, None where there was none.
+        verification: the verifier's report where it was asked.
+        report: numbers: deform_s (regions and strips), regions_s, strip_s, dynamics_s, motion_s, verification_s,
+            iterations, configurations, repairs, moved_mean and moved_most (of contacts) [m].
+    """
+
+    status: Literal["complete", "contacts", "strip", "none"]
+    reason: str
+    plan: Plan | None
+    strip: StripEstimate | None
+    verification: Report | None
+    report: dict[str, float]
+
+
+def deform(
+    plan: Plan | str | Path, scene: Scene, options: DeformOptions | None = None, *, robot: Robot | None = None
+) -> DeformResult:
+    """Deforms a plan to a scene whose surfaces have moved.
+
+    Args:
+        plan: a complete plan, or the path of its file.
+        scene: with the surfaces of the plan's scene, moved; its start and goal are kept to where it has them.
+        options: see `DeformOptions`.
+        robot: the plan's; loaded by its name where it is not given.
+
+    Raises:
+        InputError: a plan without motion, a scene with other surfaces than the plan's, another robot, or options that
+            cannot be.
+    """
+    options = options or DeformOptions()
+    plan = plan if isinstance(plan, Plan) else read_plan(plan)
+    if plan.status != COMPLETE:
+        raise InputError(f"deform: expected a complete plan, the one of {plan.scene_name!r} has no motion")
+    robot = robot or load_robot(plan.robot)
+    if robot.model_sha256 != plan.robot_model_sha256:
+        raise InputError(f"deform: the plan was made with another model of robot {plan.robot!r} than {robot.model}")
+    _check_surfaces(plan, scene)
+    return _Deformation(plan, scene, robot, options).run()
+
+
+def _check_surfaces(plan: Plan, scene: Scene) -> None:
+    before = scene_from_yaml(plan.scene_yaml, f"plan of {plan.scene_name}", mesh_triangles=plan.triangles).terrain
+    names = [s.name for s in before.surfaces], [s.name for s in scene.terrain.surfaces]
+    if names[0] == names[1]:
+        return
+    if len(names[0]) != len(names[1]):
+        raise InputError(
+            f"deform: {scene.name}: surfaces: expected the {len(names[0])} of the plan, the scene has {len(names[1])}"
+        )
+    old, new = next((a, b) for a, b in zip(*names, strict=True) if a != b)
+    raise InputError(f"deform: {scene.name}: surfaces: expected {old!r} as in the plan, the scene has {new!r}")
+
+
+class _Deformation:
+    """One plan on one scene, with what has been barred so far."""
+
+    def __init__(self, plan: Plan, scene: Scene, robot: Robot, options: DeformOptions) -> None:
+        self.plan, self.scene, self.robot, self.options = plan, scene, robot, options
+        self.tell = options.progress or (lambda _: None)
+        self.ik = WholeBodyIK(robot)
+        self.packed: PackedTerrain = pack_terrain(scene.terrain)
+        self.strip_options = replace(options.strip, cone=plan.friction_cone)
+        self.sampling = Sampling(options.per_phase, options.furthest, options.strip.turn)
+        self.planned = planned_contacts(plan)
+        self.barred: dict[int, set[int]] = {}
+        self.report = dict.fromkeys(
+            ("deform_s", "regions_s", "strip_s", "dynamics_s", "motion_s", "verification_s", "iterations",
+             "configurations", "repairs", "moved_mean", "moved_most"), 0.0)  # fmt: skip
+        self._maker: MotionMaker | None = None
+
+    def run(self) -> DeformResult:
+        began = time.perf_counter()
+        alone = stands_alone(self.plan)
+        self.choices = [contact_choices(c, self.robot, self.packed, self.sampling) for c in self.planned]
+        self._spend("regions_s", began)
+        best: DeformResult | None = None
+        for attempt in range(self.options.repairs + 1):
+            self.report["repairs"] = float(attempt)
+            chosen = self._choose(alone)
+            if isinstance(chosen, str):
+                best = best or DeformResult("none", chosen, None, None, None, self.report)
+                break
+            result, blamed = self._attempt(chosen)
+            best = result if best is None or _rank(result) > _rank(best) else best
+            if result.status == "complete" or not blamed or self.report["deform_s"] > self.options.deadline:
+                break
+            for c in blamed:
+                self.barred.setdefault(c, set()).add(chosen[c][0].surface)
+        assert best is not None
+        return replace(best, report=dict(self.report))
+
+    def _choose(self, alone: np.ndarray) -> dict[int, tuple[Contact, ContactRegions]] | str:
+        """Where each contact goes, or which one has nowhere to go."""
+        began, chosen = time.perf_counter(), {}
+        for c, contact in enumerate(self.planned):
+            barred = frozenset(self.barred.get(c, ()))
+            found = choose_region(
+                contact, self.choices[c], self.packed, self.plan.friction_cone, bool(alone[c]), barred
+            )
+            if found is None and barred:  # everything was tried: the nearest again
+                self.barred[c] = set()
+                found = choose_region(contact, self.choices[c], self.packed, self.plan.friction_cone, bool(alone[c]),
+                                      frozenset())  # fmt: skip
+            if found is None:
+                reach = self.options.furthest
+                return f"contact {c} ({contact.effector}): no contact region within {reach:g} m of where it was"
+            chosen[c] = found
+        self._spend("regions_s", began)
+        return chosen
+
+    def _attempt(self, chosen: dict[int, tuple[Contact, ContactRegions]]) -> tuple[DeformResult, list[int]]:
+        """One strip and what follows; with the contacts whose places are to blame where it fails."""
+        strip = self._deform_strip(chosen)
+        if not strip.feasible:
+            return DeformResult("strip", strip.reason, None, strip, None, dict(self.report)), self._blame(strip)
+        stances = [Stance(tuple(strip.contacts[c] if c >= 0 else None for c in row)) for row in self.plan.stances]
+        self._note_contacts(strip)
+        if not self.options.motion:
+            return self._result("contacts", "no motion was asked for", stances, None, strip, None), []
+        motion = self._move(stances)
+        report = None
+        if motion.centroidal is not None and len(motion.problems) <= WORTH_VERIFYING:
+            report, plan = self._verify(stances, motion)
+            if report.holds:
+                return DeformResult("complete", "", plan, strip, report, dict(self.report)), []
+        reason = motion.reason
+        if motion.ok and report is not None:
+            reason = "verification failed: " + ", ".join(c.name for c in report.checks if not c.ok)
+        return self._result("contacts", reason, stances, None, strip, report), self._blame_motion(motion)
+
+    def _deform_strip(self, chosen: dict[int, tuple[Contact, ContactRegions]]) -> StripEstimate:
+        began = time.perf_counter()
+        problem = self._problem = make_problem(self.plan, self.scene, self.planned, chosen, self.sampling)
+        left = max(self.options.deadline - self.report["deform_s"], 0.5)
+        options = replace(self.strip_options, time_limit=min(self.strip_options.time_limit, left))
+        model = self.ik.model
+        strip = ElasticStrip(self.robot, self.ik.kinematics, model.capsules, self.packed, problem, options).solve()
+        self.report["iterations"] += len(strip.iterations)
+        self.report["configurations"] = float(len(problem.t))
+        self._spend("strip_s", began)
+        self.tell(ProgressEvent("deform", strip.reason or f"{len(strip.iterations)} iterations, {strip.ended_by}"))
+        return strip
+
+    def _move(self, stances: list[Stance]) -> MotionResult:
+        if self._maker is None:
+            cone = self.plan.friction_cone
+            self._maker = MotionMaker(self.robot, self.scene.terrain, MotionOptions(cone=cone), ik=self.ik)
+        motion = self._maker.run(stances, self.tell)
+        for key in ("dynamics_s", "motion_s"):
+            self.report[key] += motion.timings.get(key, 0.0)
+        return motion
+
+    def _verify(self, stances: list[Stance], motion: MotionResult) -> tuple[Report, Plan]:
+        began = time.perf_counter()
+        plan = self._assemble(stances, motion)
+        with tempfile.TemporaryDirectory(prefix="drakeplan-") as folder:
+            path = Path(folder) / "plan.h5"
+            write_plan(plan, path)
+            report = verify(path)
+        self.report["verification_s"] += time.perf_counter() - began
+        return report, plan
+
+    def _assemble(self, stances: list[Stance], motion: MotionResult | None) -> Plan:
+        provenance = {"deformed_from": self.plan.scene_name, "deformation": dict(self.report)}
+        cone = self.plan.friction_cone
+        return assemble_plan(self.scene, self.robot, stances, motion, cone=cone, provenance=provenance)
+
+    def _result(
+        self, status: Literal["contacts"], reason: str, stances: list[Stance], motion: MotionResult | None,
+        strip: StripEstimate, report: Report | None,
+    ) -> DeformResult:  # fmt: skip
+        return DeformResult(status, reason, self._assemble(stances, motion), strip, report, dict(self.report))
+
+    def _blame(self, strip: StripEstimate) -> list[int]:
+        """The contacts at which a strip breaks: the one that is missed, or the last made before what else fails."""
+        fault = strip.faults[0]
+        if fault.task == CONTACT and fault.contact >= 0:
+            return [fault.contact]
+        if fault.task == BALANCE:
+            support = self._problem.support[fault.configuration]
+            if (support >= 0).sum() == 1:
+                return [int(support.max())]
+        return self._made_around(fault.phase) if fault.phase >= 0 else []
+
+    def _blame_motion(self, motion: MotionResult) -> list[int]:
+        """Where a motion fails, the contact that the failing transition makes."""
+        return sorted({c for k in motion.failed_transitions for c in self._made_around(2 * k + 1)})
+
+    def _made_around(self, phase: int) -> list[int]:
+        """The contact that the swing of this phase, or the one before it, ends with."""
+        table = self.plan.phases.contact
+        for p in range(min(phase + 1, len(table) - 1), 0, -1):
+            new = table[p][(table[p] >= 0) & (table[p] != table[p - 1])]
+            if len(new) and p <= phase + 1:
+                return [int(new[0])]
+        return []
+
+    def _note_contacts(self, strip: StripEstimate) -> None:
+        moved = [np.linalg.norm(a.p_WC - b.p_WC) for a, b in zip(strip.contacts, self.planned, strict=True)]
+        self.report["moved_mean"], self.report["moved_most"] = float(np.mean(moved)), float(np.max(moved))
+
+    def _spend(self, key: str, began: float) -> None:
+        spent = time.perf_counter() - began
+        self.report[key] += spent
+        self.report["deform_s"] += spent
+
+
+def _rank(result: DeformResult) -> int:
+    return ("none", "strip", "contacts", "complete").index(result.status)

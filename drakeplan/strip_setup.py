@@ -1,0 +1,161 @@
+"""From a plan and a terrain to the problem of an elastic strip: configurations, contacts, and where those may go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from drakeplan.plan import Plan
+from optimization.elastic_check import contact_heading
+from optimization.elastic_problem import Gathering, StripProblem
+from optimization.friction import cone_index, frame_stands_alone
+from scenes.contact import Contact, contact_pose, contact_rotation
+from scenes.contact_regions import ContactRegions, cover_terrain
+from scenes.effector import is_foot
+from scenes.packed_terrain import PackedTerrain, near
+from scenes.robot import Robot
+from scenes.scene import Scene
+
+START_RADIUS = 0.14  # [m] that the mean of the feet may be from the start: the verifier allows 15 cm
+GOAL_SLACK = 0.005  # [m] of the goal's radius left unused
+NOT_ALONE = 10.0  # [m] what a surface too steep for the only contact adds to its distance
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Which configurations make the strip, and how far contacts may be sent.
+
+    Attributes:
+        per_phase: configurations of each phase, its start among them.
+        furthest: distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact [m].
+        turn: how far foot contacts may turn about their normals [rad].
+    """
+
+    per_phase: int
+    furthest: float
+    turn: float
+
+
+def planned_contacts(plan: Plan) -> tuple[Contact, ...]:
+    """The plan's contacts with the headings that their frames were made from."""
+    contacts = []
+    for c in range(len(plan.contacts)):
+        contact = plan.contact(c)
+        heading = contact_heading(contact.X_WC) if is_foot(contact.effector) else contact.heading
+        contacts.append(Contact(contact.effector, contact.surface, contact.X_WC, contact.friction, heading))
+    return tuple(contacts)
+
+
+def stands_alone(plan: Plan) -> np.ndarray:
+    """(C,) bool, which contacts carry the robot alone in some phase."""
+    alone = np.zeros(len(plan.contacts), dtype=bool)
+    for row in plan.phases.contact:
+        held = row[row >= 0]
+        if len(held) == 1:
+            alone[held[0]] = True
+    return alone
+
+
+def contact_choices(contact: Contact, robot: Robot, packed: PackedTerrain, sampling: Sampling) -> ContactRegions:
+    """Circles within reach that this contact could move to, with its heading, sorted by surface."""
+    spec = next(e for e in robot.effectors if e.name == contact.effector)
+    x, y, reach = contact.p_WC[0], contact.p_WC[1], sampling.furthest
+    around = near(packed, x - reach, y - reach, x + reach, y + reach)
+    turn = sampling.turn if is_foot(contact.effector) else 0.0
+    surfaces = [int(k) for k in around if k < packed.num_surfaces]
+    regions = cover_terrain(packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces)
+    return regions.where(regions.distance(contact.X_WC) <= sampling.furthest)
+
+
+def choose_region(
+    contact: Contact, regions: ContactRegions, packed: PackedTerrain, cone: str, alone: bool, barred: frozenset[int]
+) -> tuple[Contact, ContactRegions] | None:
+    """The contact projected into its nearest region, and the circles of that surface; None where there is none.
+
+    Surfaces too steep for a contact that carries the robot alone come after all others.
+
+    Args:
+        barred: surfaces that were found not to do.
+    """
+    allowed = regions.where(~np.isin(regions.surface, list(barred)))
+    if not len(allowed):
+        return None
+    distance = allowed.distance(contact.X_WC)
+    if alone:
+        for s in np.unique(allowed.surface):
+            R = contact_rotation(contact.effector, packed.normal[s], contact.heading)
+            if not frame_stands_alone(cone_index(cone), float(packed.friction[s]), R):
+                distance = distance + NOT_ALONE * (allowed.surface == s)
+    surface = int(allowed.surface[np.argmin(distance)])
+    own = allowed.where(allowed.surface == surface)
+    point = own.project(contact.X_WC, own.nearest(contact.X_WC)[0])[:3, 3]
+    X_WC = contact_pose(contact.effector, point, packed.normal[surface], contact.heading)
+    return Contact(contact.effector, surface, X_WC, float(packed.friction[surface]), contact.heading), own
+
+
+def make_problem(
+    plan: Plan, scene: Scene, planned: tuple[Contact, ...],
+    chosen: Mapping[int, tuple[Contact, ContactRegions]], sampling: Sampling,
+) -> StripProblem:  # fmt: skip
+    """The strip of a complete plan whose contacts go where `chosen` says."""
+    frames, phase, share, boundary = _samples(plan, sampling.per_phase)
+    table = plan.phases.contact
+    held, support = table[phase].copy(), table[phase].copy()
+    for n in np.flatnonzero(boundary):
+        p = phase[n]
+        if n == len(phase) - 1 or p == 0:
+            continue
+        before, after = table[p - 1], table[p]
+        held[n] = np.where(after >= 0, after, before)
+        support[n] = np.where(before == after, after, -1)
+    swing = np.full((*held.shape, 2), -1)
+    for n, p in enumerate(phase):
+        free = held[n] < 0
+        if p > 0:
+            swing[n, free, 0] = table[p - 1, free]
+        if p + 1 < len(table):
+            swing[n, free, 1] = table[p + 1, free]
+    return StripProblem(
+        t=plan.motion.t[frames],
+        q=plan.motion.q[frames],
+        phase=phase,
+        contacts=tuple(chosen[c][0] for c in range(len(planned))),
+        planned=planned,
+        regions=tuple(chosen[c][1] for c in range(len(planned))),
+        held=held,
+        support=support,
+        swing=swing,
+        share=share,
+        gatherings=_gatherings(plan, scene),
+    )
+
+
+def _samples(plan: Plan, per_phase: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frames of the motion, their phases, how far along those they are, and which are boundaries of phases."""
+    t, frames, phase, share = plan.motion.t, [], [], []
+    for p, (start, end) in enumerate(zip(plan.phases.start, plan.phases.end, strict=True)):
+        for i in range(per_phase):
+            frame = int(np.argmin(np.abs(t - (start + (end - start) * i / per_phase))))
+            if not frames or frame > frames[-1]:
+                frames.append(frame)
+                phase.append(p)
+                share.append(i / per_phase)
+    if len(t) - 1 > frames[-1]:
+        frames, phase, share = [*frames, len(t) - 1], [*phase, len(plan.phases) - 1], [*share, 0.0]
+    boundary = np.array(share) == 0.0
+    return np.array(frames), np.array(phase), np.array(share), boundary
+
+
+def _gatherings(plan: Plan, scene: Scene) -> tuple[Gathering, ...]:
+    """The feet of the first stance near the start, those of the last within the goal."""
+    found = []
+    if scene.start is not None and not scene.start.stance:
+        feet = tuple(int(c) for c in plan.stances[0, :2] if c >= 0)
+        found.append(Gathering("start region", feet, tuple(scene.start.xyz[:2]), START_RADIUS))
+    if scene.goal is not None:
+        feet = tuple(int(c) for c in plan.stances[-1, :2] if c >= 0)
+        radius = max(scene.goal.radius - GOAL_SLACK, 0.0)
+        found.append(Gathering("goal region", feet, tuple(scene.goal.xyz[:2]), radius))
+    return tuple(found)

@@ -1,0 +1,137 @@
+"""Circles that cover the free part of a plane: grown from samples on a grid that gets finer where circles are small.
+
+The free part is where a point satisfies half planes n . x <= c and keeps a distance from convex polygons. The largest
+circle in it about a point has a radius in closed form; it may be negative, minus a bound on the way back in.
+
+Source: Lin 2020, "Learning for Humanoid Multi-Contact Navigation Planning", sec. 4.5.1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+LEAST_RADIUS = 0.1  # of the finest spacing; smaller circles hold nothing
+COVERED = 0.999  # share of a circle that counts as covered, so that samples on its edge grow none
+
+
+@njit(cache=True)
+def free_radius(
+    x: np.ndarray, normals: np.ndarray, offsets: np.ndarray, blockers: np.ndarray, counts: np.ndarray, keep: float
+) -> float:
+    """Radius of the largest circle about x (2,) in the free part [m]; negative where x is not free.
+
+    Args:
+        normals: (K, 2) outward unit normals of the half planes.
+        offsets: (K,) n . x <= c [m].
+        blockers: (B, V, 2) corners of convex polygons, counter-clockwise; segments and points have two and one [m].
+        counts: (B,) how many are real.
+        keep: distance to keep from the polygons [m].
+    """
+    radius = np.inf
+    for k in range(normals.shape[0]):
+        radius = min(radius, offsets[k] - normals[k, 0] * x[0] - normals[k, 1] * x[1])
+    for b in range(blockers.shape[0]):
+        radius = min(radius, polygon_distance(x, blockers[b], counts[b]) - keep)
+    return radius
+
+
+@njit(cache=True)
+def polygon_distance(x: np.ndarray, corners: np.ndarray, count: int) -> float:
+    """Signed distance of x (2,) from a convex polygon, counter-clockwise [m]; minus the way out where x is inside."""
+    inside, nearest = count > 2, np.inf
+    for a in range(count):
+        b = a + 1 if a + 1 < count else 0
+        ex, ey = corners[b, 0] - corners[a, 0], corners[b, 1] - corners[a, 1]
+        px, py = x[0] - corners[a, 0], x[1] - corners[a, 1]
+        length2 = ex * ex + ey * ey
+        t = min(max((px * ex + py * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+        nearest = min(nearest, np.sqrt((px - t * ex) ** 2 + (py - t * ey) ** 2))
+        inside = inside and ex * py - ey * px >= 0.0
+    return -nearest if inside else nearest
+
+
+@njit(cache=True)
+def cover_free_space(
+    normals: np.ndarray, offsets: np.ndarray, blockers: np.ndarray, counts: np.ndarray, keep: float, coarsest: float,
+    finest: float,
+) -> np.ndarray:  # fmt: skip
+    """(K, 3) circles x, y, radius [m] that cover the free part, none with its centre in an earlier one.
+
+    Args:
+        normals, offsets, blockers, counts, keep: as in `free_radius`; the half planes enclose a bounded part.
+        coarsest, finest: first and last spacing of the samples [m].
+    """
+    low, high = _bounds(normals, offsets)
+    if not (high[0] >= low[0] and high[1] >= low[1]):
+        return np.zeros((0, 3))
+    spacing = coarsest
+    nx = max(int(np.ceil((high[0] - low[0]) / spacing)), 1)
+    ny = max(int(np.ceil((high[1] - low[1]) / spacing)), 1)
+    cells = np.empty((nx * ny, 2))
+    for i in range(nx):
+        for j in range(ny):
+            cells[i * ny + j, 0] = 0.5 * (low[0] + high[0]) + (i - 0.5 * (nx - 1)) * spacing
+            cells[i * ny + j, 1] = 0.5 * (low[1] + high[1]) + (j - 0.5 * (ny - 1)) * spacing
+    circles, n = np.empty((64, 3)), 0
+    while cells.shape[0]:
+        room = np.empty(cells.shape[0])
+        for i in range(cells.shape[0]):
+            room[i] = free_radius(cells[i], normals, offsets, blockers, counts, keep)
+        for i in np.argsort(-room):
+            if room[i] < LEAST_RADIUS * finest:
+                break
+            if _holds(circles, n, cells[i], 0.0):
+                continue
+            if n == circles.shape[0]:
+                larger = np.empty((2 * n, 3))
+                larger[:n] = circles
+                circles = larger
+            circles[n, 0], circles[n, 1], circles[n, 2] = cells[i, 0], cells[i, 1], room[i]
+            n += 1
+        half = 0.5 * spacing
+        if half < finest * (1.0 - 1e-9):
+            break
+        finer, m = np.empty((4 * cells.shape[0], 2)), 0
+        for i in range(cells.shape[0]):
+            across = np.sqrt(0.5) * spacing
+            if room[i] < -across or _holds(circles, n, cells[i], across):
+                continue
+            for a in range(4):
+                finer[m, 0] = cells[i, 0] + (0.25 if a < 2 else -0.25) * spacing
+                finer[m, 1] = cells[i, 1] + (0.25 if a % 2 else -0.25) * spacing
+                m += 1
+        cells, spacing = finer[:m], half
+    return circles[:n].copy()
+
+
+@njit(cache=True)
+def _holds(circles: np.ndarray, n: int, x: np.ndarray, around: float) -> bool:
+    """Whether one of the first n circles holds all that is within `around` of x."""
+    for k in range(n):
+        room = COVERED * circles[k, 2] - around
+        if room >= 0.0 and (x[0] - circles[k, 0]) ** 2 + (x[1] - circles[k, 1]) ** 2 <= room * room:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _bounds(normals: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner of the intersection of half planes [m]; low > high where it is empty."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for a in range(normals.shape[0]):
+        for b in range(a):
+            det = normals[a, 0] * normals[b, 1] - normals[a, 1] * normals[b, 0]
+            if abs(det) < 1e-12:
+                continue
+            x = (offsets[a] * normals[b, 1] - offsets[b] * normals[a, 1]) / det
+            y = (normals[a, 0] * offsets[b] - normals[b, 0] * offsets[a]) / det
+            feasible = True
+            for k in range(normals.shape[0]):
+                if normals[k, 0] * x + normals[k, 1] * y > offsets[k] + 1e-9:
+                    feasible = False
+                    break
+            if feasible:
+                low[0], low[1] = min(low[0], x), min(low[1], y)
+                high[0], high[1] = max(high[0], x), max(high[1], y)
+    return low, high
