@@ -300,6 +300,6 @@ def _wrap(angle: np.ndarray) -> np.ndarray:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def _mean_yaw(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _mean_yaw(a: np.ndarray, b: np.ndarray | float) -> np.ndarray:
     """The heading halfway between two headings, along the shorter way round."""
     return a + 0.5 * _wrap(b - a)

@@ -11,7 +11,7 @@ from scenes.input_error import InputError
 from scenes.packed_terrain import PackedTerrain
 from scenes.projection import set_down
 from scenes.robot import Robot
-from scenes.scene import Goal, Scene, Start
+from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 
 NUDGES = (
@@ -32,7 +32,9 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
     Raises:
         InputError: no start, or no ground that takes both soles there.
     """
-    start = _required(scene.start, scene, "start")
+    start = scene.start
+    if start is None:
+        raise _missing(scene, "start")
     if start.stance:
         by_name = {c.effector: c for c in start.stance}
         stance = Stance(tuple(by_name.get(e) for e in EFFECTORS))
@@ -75,7 +77,9 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot) -> Goal:
     Raises:
         InputError: no goal, or no ground for a foot within the goal region.
     """
-    goal = _required(scene.goal, scene, "goal")
+    goal = scene.goal
+    if goal is None:
+        raise _missing(scene, "goal")
     reach = goal.radius + robot.foot_separation[1]
     for radius in np.linspace(0.0, reach, 5):
         for angle in np.linspace(0.0, 2 * np.pi, 1 if radius == 0 else 12, endpoint=False):
@@ -97,7 +101,5 @@ def extent_text(scene: Scene) -> str:
     return f"the terrain spans x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f} m"
 
 
-def _required(value: Start | Goal | None, scene: Scene, key: str):  # noqa: ANN202
-    if value is None:
-        raise InputError(f"scene {scene.name} has no {key}: give one with --{key} X Y; {extent_text(scene)}")
-    return value
+def _missing(scene: Scene, key: str) -> InputError:
+    return InputError(f"scene {scene.name} has no {key}: give one with --{key} X Y; {extent_text(scene)}")

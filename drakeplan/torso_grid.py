@@ -5,6 +5,9 @@ ground to step on nearby and the torso box over it touches nothing. Cells are ch
 wave stops as soon as the cell that was asked for is settled, so a large terrain costs no more than the part in question.
 """
 
+# An element of an integer array is an integer to a kernel, and an array to the type checker.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -8,6 +8,9 @@ forces and momentum; motion; collision; where it starts and ends.
 Every check names its worst value, its limit and the place. The plan holds when every check does.
 """
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
 import contextlib
@@ -634,7 +637,7 @@ def _covered(plan: _PlanFile, scene: _Scene) -> tuple[np.ndarray, float, str, Pl
     return heights, COVERED, "m", where
 
 
-def _clip(polygon: np.ndarray, low: Sequence[float], high: Sequence[float]) -> np.ndarray:
+def _clip(polygon: np.ndarray, low: np.ndarray | Sequence[float], high: np.ndarray | Sequence[float]) -> np.ndarray:
     """The part (n, 3) of a convex polygon inside the box between `low` and `high` (Sutherland & Hodgman 1974)."""
     for axis in range(3):
         for sign, bound in ((1.0, high[axis]), (-1.0, -low[axis])):
@@ -1074,7 +1077,7 @@ def _check_collisions(
     sheet: _Sheet, plan: _PlanFile, robot: _RobotModel, scene: _Scene, origins: np.ndarray, radii: np.ndarray
 ) -> None:
     faces = [*_plates(plan, scene), *_triangles(plan["scene/triangles"]), *_boxes(scene)]
-    limits = dict.fromkeys(("self collision", "terrain collision"), PENETRATION)
+    limits: dict[str, float] = dict.fromkeys(("self collision", "terrain collision"), PENETRATION)
     limits["sole and palm collision"] = SOLE_PENETRATION
     nothing = (0.0, "nowhere") if len(radii) else (np.nan, "the model has no collision shapes")
     worst: dict[str, tuple[float, str]] = dict.fromkeys(limits, nothing)

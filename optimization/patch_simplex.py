@@ -276,7 +276,7 @@ def find_feasible(
         if row < 0:
             return False
         pivot(T, basic, w, row, j)
-    return T[m, m + 1] <= FEASIBLE
+    return bool(T[m, m + 1] <= FEASIBLE)
 
 
 @njit(cache=True)

@@ -5,6 +5,9 @@ of itself and of the terrain. Drake's InverseKinematics states it and SNOPT solv
 the plant alone, because a solver's own verdict is wrong both ways.
 """
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false, reportOperatorIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

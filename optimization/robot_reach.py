@@ -3,6 +3,9 @@
 `python -m optimization.robot_reach NAME` prints them as YAML.
 """
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false, reportOperatorIssue=false
+
 from __future__ import annotations
 
 import sys
@@ -182,8 +185,9 @@ def _least_separation(robot_plant: RobotPlant) -> float:
     for separation in np.arange(0.08, wide, 0.01):
         X_WE: list[np.ndarray | None] = [None] * len(EFFECTORS)
         for k, side in enumerate((0.5, -0.5)):
-            X_WE[k] = np.eye(4)
-            X_WE[k][1, 3] = side * separation
+            pose = np.eye(4)
+            pose[1, 3] = side * separation
+            X_WE[k] = pose
         if solver.solve(X_WE, None, q).ok:
             return float(separation)
     return float(wide)

@@ -12,6 +12,9 @@ Caron et al. 2015: "Stability of surface contacts for humanoid robots", ICRA.
 Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning", sec. 3.3.
 """
 
+# An element of an integer array is an integer to a kernel, and an array to the type checker.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -7,6 +7,9 @@ Bretl & Lall 2008: "Testing static equilibrium for legged robots", IEEE T-RO 24(
 Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning", sec. 3.3.
 """
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false, reportOperatorIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

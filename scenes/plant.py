@@ -3,6 +3,9 @@
 Everything that stands still is on the world body, so Drake leaves terrain against terrain out by itself.
 """
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false, reportOperatorIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Iterable

@@ -3,6 +3,9 @@
 Feet are looked for straight below a point of the plan view, palms along rays (Lin 2020 sec. 3.2, fig. 3.1).
 """
 
+# An element of an integer array is an integer to a kernel, and an array to the type checker.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np

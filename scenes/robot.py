@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-from lxml import etree
+from lxml import etree  # type: ignore[attr-defined]
 
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError, unknown_name

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import platformdirs
-from lxml import etree
+from lxml import etree  # type: ignore[attr-defined]
 
 from scenes.input_error import InputError
 from scenes.robot_schema import FrameEntry, PackageEntry

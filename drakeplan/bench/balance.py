@@ -262,13 +262,13 @@ def _compare(mine: Way, others: list[Way], cases: Sequence[Case], task: str) -> 
     stacked = [np.stack(field) for field in zip(*(c.arrays for c in cases), strict=True)]
     com = np.stack([c.com[:, :2] for c in cases])
     loop = {ONE: _query_loop, MANY: _region_loop, MORE: _margin_loop}[task]
-    loop(*stacked, com)
+    loop(*stacked, com)  # type: ignore[call-arg]
     for _ in range(REPEATS):
         ours.append(_time(mine, cases, task))
         for other in others:
             theirs[other.name].append(_time(other, cases, task))
         began = time.perf_counter()
-        loop(*stacked, com)
+        loop(*stacked, com)  # type: ignore[call-arg]
         compiled.append(1e6 * (time.perf_counter() - began) / len(cases) / (QUERIES if task == MORE else 1))
     result = {"ours": _least(ours), "ours_median": float(np.median(np.mean(ours, axis=1))), "compiled": min(compiled)}
     if not others:

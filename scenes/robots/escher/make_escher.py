@@ -318,7 +318,7 @@ def _vector(values: Sequence[float] | np.ndarray) -> str:
 
 def _inertial(solids: Sequence[Solid]) -> tuple[float, np.ndarray, np.ndarray]:
     mass = sum(s.mass for s in solids)
-    com = sum(s.mass * np.array(s.at) for s in solids) / mass
+    com = np.sum([s.mass * np.array(s.at) for s in solids], axis=0) / mass
     inertia = np.zeros((3, 3))
     for s in solids:
         d = np.array(s.at) - com
