@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
+from learning.shard_file import not_finite, read_shard, schema_lines, shard_name, shard_paths
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import NUM_CATEGORIES, CanonicalTransitions, canonicalise, relative_features
+from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
+from scenes.input_error import InputError
 
 TRAIN, VALIDATION, TEST = range(3)
 
@@ -63,7 +69,7 @@ class LabelledTransitions:
         cost, com, velocity = _array(table, "cost"), _array(table, "final_com", 3), _array(table, "final_velocity", 3)
         known = np.isfinite(cost) & np.isfinite(com).all(axis=1) & np.isfinite(velocity).all(axis=1)
         feasible = _array(table, "feasible").astype(bool) & known
-        visited = ~_array(table, "perturbed").astype(bool)
+        visited = _array(table, "shift") == "none"
         return cls(batch, feasible, cost, com, velocity, _array(table, "scene").astype(np.int64), visited, source)
 
 
@@ -125,6 +131,56 @@ def learning_set(labels: LabelledTransitions, seed: int = 0) -> LearningSet:
     return LearningSet(
         c, relative_features(c), yes, np.where(yes, labels.cost, 0.0), com, velocity, part, labels.visited
     )
+
+
+def read_labels(folder: Path, robot: str) -> LabelledTransitions:
+    """The rows of all shards that a dynamics campaign wrote, in order.
+
+    Raises:
+        InputError: no shards, damaged ones, shards of several campaigns, columns of another version, numbers that are
+            not finite, or labels of another robot.
+    """
+    if not Path(folder).is_dir():
+        raise InputError(f"{folder}: expected a folder of labels")
+    paths = shard_paths(folder)
+    if not paths:
+        raise InputError(f"{folder}: no shards of labels; make some with `drakeplan collect dynamics`")
+    tables, fingerprints = [], []
+    for path in paths.values():
+        header, table = read_shard(path)
+        if schema_lines(table.schema) != schema_lines(SCHEMA):
+            wrong = sorted(set(schema_lines(table.schema)) ^ set(schema_lines(SCHEMA)))[0]
+            raise InputError(f"{path}: expected the columns of {CAMPAIGN} version {VERSION}; differs in {wrong!r}")
+        if bad := not_finite(table):
+            raise InputError(f"{path}: column {bad} holds a number that is not finite")
+        fingerprints.append(header.fingerprint)
+        if header.fingerprint != fingerprints[0]:
+            raise InputError(f"{path}: comes from another campaign than {shard_name(next(iter(paths)))}")
+        tables.append(table)
+    source = _source(folder, robot) | {"fingerprint": fingerprints[0], "shards": len(tables)}
+    sha = hashlib.sha256()
+    for path in paths.values():
+        sha.update(hashlib.sha256(path.read_bytes()).digest())
+    table = pa.concat_tables([t.replace_schema_metadata(None) for t in tables])
+    return LabelledTransitions.from_table(table, source | {"rows": len(table), "sha256": sha.hexdigest()})
+
+
+def _source(folder: Path, robot: str) -> dict[str, object]:
+    """What the campaign says of itself, for the card."""
+    path = Path(folder) / "campaign.json"
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        source = {name: facts[name] for name in ("campaign", "version", "seed", "parameters")}
+        theirs = source["parameters"].get("robot")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(f"{path}: expected the description of a campaign") from None
+    if source["campaign"] != CAMPAIGN or source["version"] != VERSION:
+        raise InputError(
+            f"{path}: expected campaign {CAMPAIGN} version {VERSION}, got {facts['campaign']} {facts['version']}"
+        )
+    if theirs != robot:
+        raise InputError(f"{path}: these are labels of robot {theirs!r}, expected {robot!r}")
+    return source
 
 
 def _array(table: pa.Table, name: str, width: int = 0) -> np.ndarray:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ D = len(relative_feature_names())
 
 
 def random_mlp(rng: np.random.Generator, *widths: int) -> Mlp:
-    weights = [rng.normal(0, m**-0.5, (m, n)).astype(np.float32) for m, n in zip(widths[:-1], widths[1:], strict=True)]
+    weights = [rng.normal(0, m**-0.5, (m, n)).astype(np.float32) for m, n in pairwise(widths)]
     return Mlp(tuple(weights), tuple(rng.normal(0, 0.1, n).astype(np.float32) for n in widths[1:]))
 
 
