@@ -51,6 +51,11 @@ class ContactPool:
     def effector(self) -> np.ndarray:
         return self._effector[: self.size]
 
+    @property
+    def frictions(self) -> np.ndarray:
+        """(n,) Coulomb coefficients where the contacts are."""
+        return self._packed.friction[self.surface]
+
     def add(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: np.ndarray, surface: np.ndarray) -> np.ndarray:
         """(n,) numbers of these contacts (n poses of one end effector); near duplicates get the number of the first."""
         cells = np.round(p / CELL).astype(int).tolist()

@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from drakeplan.contact_pool import ContactPool, Held
+from learning.surrogate import DynamicsSurrogate
+from learning.transition_batch import TransitionBatch
 from optimization.centroidal_options import CentroidalOptions
 from optimization.transition_dynamics import TransitionDynamics
 from scenes.robot import Robot
@@ -71,6 +73,40 @@ class ExactDynamics:
                 feasible[k], cost[k] = True, estimate.cost
                 final_com[k], final_velocity[k] = self.dynamics.final_state(estimate)
         self.asked["exact"] += n
+        return TransitionEstimates(feasible, cost, final_com, final_velocity)
+
+
+class LearnedDynamics:
+    """The surrogate for all transitions at once; the exact program for those that it was not trained for.
+
+    Args:
+        surrogate: trained for this robot.
+        exact: answers where the surrogate's flag for what is far from its training data fires; None: nobody does, the
+            surrogate's guess stands.
+    """
+
+    def __init__(self, pool: ContactPool, surrogate: DynamicsSurrogate, exact: ExactDynamics | None) -> None:
+        self.pool, self.surrogate, self.exact = pool, surrogate, exact
+        self.asked: Counter[str] = Counter()
+
+    def evaluate(
+        self, before: Held, after: Sequence[Held], com: np.ndarray, velocity: np.ndarray
+    ) -> TransitionEstimates:
+        """One pass through the networks, and a program for each transition that is far from what they have seen."""
+        pool = self.pool
+        batch = TransitionBatch.of_children(
+            pool.p, pool.R, np.array(before), np.array(after), com, velocity, pool.frictions
+        )
+        says = self.surrogate.predict(batch)
+        feasible, cost = says.feasible.copy(), np.where(says.feasible, np.maximum(says.cost, 0.0), np.inf)
+        final_com, final_velocity = says.com.copy(), says.velocity.copy()
+        far = np.flatnonzero(says.far) if self.exact is not None else np.zeros(0, int)
+        if self.exact is not None and len(far):
+            truth = self.exact.evaluate(before, [after[k] for k in far.tolist()], com, velocity)
+            feasible[far], cost[far] = truth.feasible, truth.cost
+            final_com[far], final_velocity[far] = truth.com, truth.velocity
+        self.asked["learned"] += len(after) - len(far)
+        self.asked["exact"] += len(far)
         return TransitionEstimates(feasible, cost, final_com, final_velocity)
 
 
