@@ -145,6 +145,16 @@ def test_a_broken_case_is_named(spoil, twin: dict, tmp_path: Path) -> None:
         rows_of(data, tmp_path)
 
 
+def test_free_intervals_beat_the_best_fixed_ones(twin: dict, tmp_path: Path) -> None:
+    entry = twin["variants"]["twin"]
+    entry["planner_variables"].update(time_range=[0.05, 0.2], w_time=10.0)
+    entry["derived_dt"] = [DT] * N
+    fixed, free = rows_of(twin, tmp_path)
+    assert fixed[VERDICT] == "within"
+    assert free[VERDICT] in ("within", "lower")
+    assert free[OBJECTIVE] < 0.95 * fixed[OBJECTIVE]
+
+
 def test_without_a_case_the_table_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DRAKEPLAN_CASES", raising=False)
     table = momentumopt.run(BenchOptions())
@@ -152,6 +162,7 @@ def test_without_a_case_the_table_says_so(monkeypatch: pytest.MonkeyPatch) -> No
     assert "skipped" in table.title
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CASES, reason="DRAKEPLAN_CASES names no folder with momentumopt_demo01.json")
 def test_every_published_variant_is_matched_or_beaten() -> None:
     for variant in read_case(Path(CASES or "") / momentumopt.FILE):
