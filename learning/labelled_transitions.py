@@ -148,9 +148,8 @@ def read_labels(folder: Path, robot: str) -> LabelledTransitions:
     tables, fingerprints = [], []
     for path in paths.values():
         header, table = read_shard(path)
-        if schema_lines(table.schema) != schema_lines(SCHEMA):
-            wrong = sorted(set(schema_lines(table.schema)) ^ set(schema_lines(SCHEMA)))[0]
-            raise InputError(f"{path}: expected the columns of {CAMPAIGN} version {VERSION}; differs in {wrong!r}")
+        if wrong := sorted(set(_columns(table.schema)) ^ set(_columns(SCHEMA))):
+            raise InputError(f"{path}: expected the columns of {CAMPAIGN} version {VERSION}; differs in {wrong[0]!r}")
         if bad := not_finite(table):
             raise InputError(f"{path}: column {bad} holds a number that is not finite")
         fingerprints.append(header.fingerprint)
@@ -163,6 +162,11 @@ def read_labels(folder: Path, robot: str) -> LabelledTransitions:
         sha.update(hashlib.sha256(path.read_bytes()).digest())
     table = pa.concat_tables([t.replace_schema_metadata(None) for t in tables])
     return LabelledTransitions.from_table(table, source | {"rows": len(table), "sha256": sha.hexdigest()})
+
+
+def _columns(schema: pa.Schema) -> tuple[str, ...]:
+    """One line a column; Parquet calls the items of a list elements."""
+    return tuple(line.replace("<element:", "<item:") for line in schema_lines(schema))
 
 
 def _source(folder: Path, robot: str) -> dict[str, object]:
