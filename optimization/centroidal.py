@@ -19,7 +19,7 @@ from optimization.centroidal_check import violations
 from optimization.centroidal_cost import cost_terms
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_explanation import explain
-from optimization.centroidal_guess import guess_com, guess_loads
+from optimization.centroidal_guess import guess_com, guess_loads, guess_total_force
 from optimization.centroidal_model import CentroidalModel
 from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, PENALTY, UP, CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem, structure
@@ -43,6 +43,7 @@ from optimization.updatable_program import Rows, UpdatableProgram
 from scenes.effector import EFFECTORS
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
+HOPELESS = 0.1  # [M g ARM, M g ARM s] slack in all whose standing still ends the iteration
 
 
 class CentroidalProgram:
@@ -154,7 +155,7 @@ class CentroidalProgram:
         com = guess_com(problem, self.options)
         wrench = np.zeros((len(self.interval), 6))
         wrench[:, 2] = guess_loads(problem, com, self.interval, self.effector)
-        self._about = com, np.tile(UP, (len(self.dt), 1)), wrench
+        self._about = com, guess_total_force(problem, com), wrench
 
     def _reach_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(K,) knot less one, (K, 3) contact point and (K,) greatest distance [m]: contacts next to knots 1..N-1."""
@@ -361,10 +362,12 @@ class CentroidalProgram:
             tolerance=options.tolerance,
             time_limit=options.time_limit,
             radius=FIRST_RADIUS,
+            hopeless=HOPELESS,
         )
         point = outcome.point
         if point is None:
-            return CentroidalEstimate(False, np.inf, explain(self), outcome.records, None)
+            reason = explain(self) if options.explain else "the convex program has no answer"
+            return CentroidalEstimate(False, np.inf, reason, outcome.records, None)
         force, moment = point.wrench[:, :3], ARM * point.wrench[:, 3:]
         trajectory = self.integrator.trajectory(self.problem.schedule, force, moment, self.problem.mass)
         found = violations(self.problem, options, trajectory)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimization.centroidal_options import CentroidalOptions
+from optimization.centroidal_options import GRAVITY, UP, CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 
 WINDOW = 1.0  # [s] half width of the average over the feet
+# How far least-effort answers to random transitions are carried along by their first velocity: v0 DRIFT (1 -
+# exp(-t / STOPPING)) exp(-t / RETURN).
+DRIFT, STOPPING, RETURN = 0.17, 0.2, 1.5  # [s]
+GREATEST_PUSH = 0.5  # [M g] guessed beside the weight, per axis
 PALM_SHARE = 0.1  # [M g] guessed on a palm
 LEAST_SHARE = 0.1  # [M g] guessed on each of two feet
 
@@ -15,7 +19,8 @@ LEAST_SHARE = 0.1  # [M g] guessed on each of two feet
 def guess_com(problem: CentroidalProblem, options: CentroidalOptions) -> np.ndarray:
     """(N-1, 3) CoM at knots 1..N-1 [m]: the reference where there is one.
 
-    Else the mean of the feet, averaged over two seconds, at the nominal height; it fades in from the initial CoM.
+    Else the mean of the feet, averaged over two seconds, at the nominal height; it fades in from the initial
+    CoM, which its velocity carries along.
     """
     if problem.com_reference is not None:
         return problem.com_reference[1:]
@@ -31,7 +36,19 @@ def guess_com(problem: CentroidalProblem, options: CentroidalOptions) -> np.ndar
     path = (sums[last] - sums[first]) / (last - first)[:, None]
     path[:, 2] += options.com_height[1]
     fade = np.exp(-times)[:, None]
-    return (1 - fade) * path + fade * problem.initial_com
+    velocity = problem.initial_linear_momentum / problem.mass
+    drift = DRIFT * (1 - np.exp(-times / STOPPING)) * np.exp(-times / RETURN)
+    return (1 - fade) * path + fade * problem.initial_com + drift[:, None] * velocity
+
+
+def guess_total_force(problem: CentroidalProblem, com: np.ndarray) -> np.ndarray:
+    """(N-1, 3) total contact force [M g] that moves the CoM along `com` (N-1, 3), within bounds; none in flight."""
+    dt = problem.schedule.dt[:, None]
+    velocity = np.diff(com, axis=0, prepend=problem.initial_com[None]) / dt
+    initial = problem.initial_linear_momentum[None] / problem.mass
+    push = np.diff(velocity, axis=0, prepend=initial) / (dt * GRAVITY)
+    held = (problem.schedule.active >= 0).any(axis=1, keepdims=True)
+    return np.where(held, UP + np.clip(push, -GREATEST_PUSH, GREATEST_PUSH), 0.0)
 
 
 def guess_loads(problem: CentroidalProblem, com: np.ndarray, interval: np.ndarray, effector: np.ndarray) -> np.ndarray:

@@ -52,6 +52,10 @@ class CentroidalModel:
         """The trajectory of the forces at this part of the way."""
         return self._point(start.forces + step * (end.forces - start.forces))
 
+    def distance(self, start: CentroidalPoint, end: CentroidalPoint) -> float:
+        """The greatest change of the CoM along any axis [m]."""
+        return float(np.abs(end.state.com - start.state.com).max())
+
     def linearise(self, point: CentroidalPoint) -> None:
         """Updates the convex program about this point."""
         self.program.linearise(point.state.com, point.state.total_force, point.wrench)

@@ -94,6 +94,8 @@ class CentroidalOptions:
         max_iterations: most convex programs solved in one `solve`.
         tolerance: relative decrease of the cost at which the iteration ends.
         time_limit: seconds after which no further convex program is started.
+        explain: whether a problem without an answer is asked which constraint stands in the way; it costs a linear
+            program.
     """
 
     cone: str = "inner"
@@ -112,6 +114,7 @@ class CentroidalOptions:
     max_iterations: int = 20
     tolerance: float = 1e-3
     time_limit: float = 30.0
+    explain: bool = True
 
     def __post_init__(self) -> None:
         for name in ("dt", "shift_time", "swing_time", "tolerance", "time_limit"):

@@ -18,6 +18,7 @@ STEPS = (1.0, 0.5, 0.25, 0.1)  # of the line search
 SUFFICIENT = 1e-4  # a step must bring this part of the decrease that the convex program foresees
 SHRINK = 0.25  # of the greatest change of the trusted variables after a failed line search
 LEAST_RADIUS = 1e-4
+STANDSTILL = 0.9  # of a merit that a hopeless violation makes: it need not be known any better
 
 
 class Point(Protocol):
@@ -48,6 +49,10 @@ class SequentialModel(Protocol[PointT]):
         """The point at this part of the way; it satisfies every convex constraint that both ends satisfy."""
         ...
 
+    def distance(self, start: PointT, end: PointT) -> float:
+        """The greatest change of a variable that `trust` bounds."""
+        ...
+
     def linearise(self, point: PointT) -> None:
         """Updates the convex program about this point."""
         ...
@@ -64,7 +69,8 @@ class Outcome(Generic[PointT]):
     Attributes:
         point: the best point, None where the first convex program had no answer.
         converged: whether the last step changed the merit by less than the tolerance, or did what was foreseen.
-        reason: "converged", "first convex program failed", "no step improves", "iterations" or "time".
+        reason: "converged", "first convex program failed", "no step improves", "the penalty stays", "iterations" or
+            "time".
         records: one per convex program.
     """
 
@@ -83,6 +89,7 @@ def minimise(
     time_limit: float,
     radius: float,
     tight: float = 1e-4,
+    hopeless: float = np.inf,
 ) -> Outcome[PointT]:
     """Solves, re-evaluates, searches along the step and linearises again until the merit stands still.
 
@@ -94,6 +101,7 @@ def minimise(
         time_limit: seconds after which no further convex program is started.
         radius: first bound on the step once a line search has failed.
         tight: violation that counts as none; until it is reached, standing still is measured ten times finer.
+        hopeless: a violation above this that stands still to a tenth ends the iteration.
     """
     started = time.perf_counter()
     records: list[SolveRecord] = []
@@ -105,13 +113,17 @@ def minimise(
         x, record = solver.solve(costs_changed=not records)
         records.append(record)
         candidate = model.evaluate(x) if x is not None and record.feasible else None
-        following = candidate if point is None else _search(model, point, candidate, record.cost)
+        if point is None:
+            following, step = candidate, 1.0
+        else:
+            following, step = _search(model, point, candidate, record.cost)
         if following is None:
             if point is None:
                 return Outcome(None, False, "first convex program failed", tuple(records))
             if candidate is not None and not np.isfinite(bound) and _close(point, candidate.merit, tolerance, tight):
                 return Outcome(point, True, "converged", tuple(records))
-            bound = min(bound * SHRINK, radius)
+            went = model.distance(point, candidate) if candidate is not None else np.inf
+            bound = min(bound * SHRINK, went * SHRINK, radius)
             if bound < LEAST_RADIUS:
                 return Outcome(point, True, "no step improves", tuple(records))
             model.trust(point, bound)
@@ -124,9 +136,11 @@ def minimise(
             or (before is not None and _close(point, before.merit, tolerance, tight))
         ):
             return Outcome(point, True, "converged", tuple(records))
+        if before is not None and _hopeless(before, point, record.cost, hopeless):
+            return Outcome(point, True, "the penalty stays", tuple(records))
         model.linearise(point)
         if np.isfinite(bound):
-            bound *= 2.0
+            bound *= 2.0 if step == 1.0 else 1.0
             model.trust(point, bound)
     return Outcome(point, False, "iterations", tuple(records))
 
@@ -136,12 +150,23 @@ def _close(point: Point, merit: float, tolerance: float, tight: float) -> bool:
     return abs(point.merit - merit) <= (tolerance if point.violation <= tight else 0.1 * tolerance) * abs(point.merit)
 
 
-def _search(model: SequentialModel[PointT], start: PointT, end: PointT | None, foreseen: float) -> PointT | None:
-    """The first point on the way to `end` that brings enough of the merit foreseen there, None where there is none."""
+def _hopeless(before: Point, point: Point, foreseen: float, least: float) -> bool:
+    """Whether a violation above `least` hardly fell, and no convex program foresees that it will."""
+    slow = min(point.merit, foreseen) >= STANDSTILL * before.merit
+    return point.violation > least and slow
+
+
+def _search(
+    model: SequentialModel[PointT], start: PointT, end: PointT | None, foreseen: float
+) -> tuple[PointT | None, float]:
+    """The first point on the way to `end` that brings enough of the merit foreseen there, and how far it lies.
+
+    None where there is none.
+    """
     if end is None:
-        return None
+        return None, 0.0
     for step in STEPS:
         candidate = end if step == 1.0 else model.between(start, end, step)
         if candidate.merit < start.merit - SUFFICIENT * step * max(start.merit - foreseen, 0.0):
-            return candidate
-    return None
+            return candidate, step
+    return None, 0.0

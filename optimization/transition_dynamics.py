@@ -21,13 +21,14 @@ from scenes.stance import Stance
 
 
 def transition_options(robot: Robot, cone: str = DEFAULT_CONE) -> CentroidalOptions:
-    """The documents' timing and weights with a robot's limits; the robot need not stand still at the end."""
+    """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible."""
     return CentroidalOptions(
         cone=cone,
         com_height=robot.com_height,
         com_reach=tuple(robot.com_reach.tolist()),
         force_limit=tuple(robot.force_limit.tolist()),
         rest_at_end=False,
+        explain=False,
     )
 
 

@@ -191,7 +191,9 @@ class UpdatableProgram:
         cost = self._prog.AddLinearCost(np.full(len(index), price), 0.0, variables)
         cost.evaluator().set_description("slack price")
 
-    def add_diagonal_costs(self, diagonal: np.ndarray, target: np.ndarray, groups: list[tuple[str, np.ndarray]]) -> None:
+    def add_diagonal_costs(
+        self, diagonal: np.ndarray, target: np.ndarray, groups: list[tuple[str, np.ndarray]]
+    ) -> None:
         """Adds sum diagonal (x - target)^2, one cost of Drake for each named group of places."""
         self._diagonal, self._target = diagonal, target
         for name, index in groups:

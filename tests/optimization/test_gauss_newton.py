@@ -44,6 +44,9 @@ class Residual:
     def between(self, start, end, step):
         return self.at(start.x + step * (end.x - start.x))
 
+    def distance(self, start, end):
+        return abs(end.x - start.x)
+
     def linearise(self, point):
         self.merits.append(point.merit)
         slope = self.slope(point.x)
