@@ -6,7 +6,7 @@ generation", IROS 2016, sec. III; as used in Lin 2020 sec. 7.3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from scenes.robot import Robot
 HOLD = 300.0  # [1/m] weight of contacts that are held
 # Where CoM, linear and angular momentum of both halves agree, RMS and worst.
 AGREEMENT = MomentumGap(Gap(0.01, 0.01), Gap(2.0, 6.0), Gap(2.0, 5.0))
+MOST_PROGRAMS = 64  # of different structures that are kept for the next problem
 SWING = (60.0, 15.0)  # [1/m, 1/rad] weights of the place and turn of an end effector in the air
 
 
@@ -67,6 +68,8 @@ class KinodynamicOptions:
     Attributes:
         iterations: of dynamics and kinematics, at most.
         agreement: gap at which they agree.
+        give_up: after iteration i (the last entry holds for the rest) a gap of more than this many agreements ends it;
+            empty for never.
         centroidal: options of the centroidal program.
         com_pull: weight of |com - kinematics' com|^2 in the dynamics from the second iteration on [1/m^2].
         momentum_pull: weight of |k - kinematics' k|^2 there [1/(N m s)^2].
@@ -84,6 +87,7 @@ class KinodynamicOptions:
 
     iterations: int = 3
     agreement: MomentumGap = AGREEMENT
+    give_up: tuple[float, ...] = ()
     centroidal: CentroidalOptions = field(default_factory=CentroidalOptions)
     com_pull: float = 2e4
     momentum_pull: float = 2.0
@@ -154,7 +158,7 @@ class KinodynamicProgram:
         plant = (robot_plant or build_plant(robot)).plant
         self.kinematics = Kinematics.from_plant(plant, [e.frame for e in robot.effectors])
         self.effort = effort_limits(plant)
-        self._programs: dict[bool, CentroidalProgram] = {}
+        self._programs: dict[Hashable, CentroidalProgram] = {}
         weights = self.options.centroidal.weights
         pulled = replace(weights, com_tracking=self.options.com_pull, angular_momentum=self.options.momentum_pull)
         self._pulled = replace(self.options.centroidal, weights=pulled)
@@ -189,6 +193,8 @@ class KinodynamicProgram:
                 reason = ""
                 if self._held_error(targets, motion) <= options.contact_tolerance and not options.torque_limits:
                     break
+            if reason and self._hopeless(gaps):
+                break
         return self._answer(problem, estimate, motion, gaps, reason)
 
     def fit_start(
@@ -226,6 +232,11 @@ class KinodynamicProgram:
         v = np.linalg.lstsq(np.vstack([rows, effort]), np.concatenate([right, np.zeros(len(effort))]), rcond=None)[0]
         return q, v
 
+    def _hopeless(self, gaps: list[MomentumGap]) -> bool:
+        """Whether the last gap is beyond what `give_up` allows after so many iterations."""
+        limits = self.options.give_up
+        return bool(limits) and gaps[-1].over(self.options.agreement) > limits[min(len(gaps), len(limits)) - 1]
+
     def _posture_weight(self) -> np.ndarray:
         """(nv,) weights of base orientation, base position (none) and joints."""
         joints = np.full(len(self.kinematics.tree.lower), self.options.posture_weight)
@@ -243,15 +254,18 @@ class KinodynamicProgram:
                 com_reference=motion.com,
                 angular_momentum_reference=np.vstack([start, motion.momentum[:, :3]]),
             )
-        program = self._programs.get(again)
+        key = again, structure(centroidal)
+        program = self._programs.get(key)
         rows = self._torque_rows(problem, motion) if motion is not None and self.options.torque_limits else None
-        if program is not None and rows is None and structure(centroidal) == program.structure:
+        if program is not None and rows is None:
             program.update(centroidal)
         else:
             program = CentroidalProgram(centroidal, self._pulled if again else self.options.centroidal)
             if rows is not None:
                 program.add_rows("joint torques", lambda: rows.in_program(program.index["wrench"]))
-            self._programs[again] = program
+            if len(self._programs) >= MOST_PROGRAMS:
+                del self._programs[next(iter(self._programs))]
+            self._programs[key] = program
         if last is not None and last.trajectory is not None:
             program.start_from(last.trajectory)
         return program.solve()

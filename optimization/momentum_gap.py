@@ -24,6 +24,10 @@ class Gap:
         """Whether neither is greater than the other's."""
         return self.rms <= other.rms and self.worst <= other.worst
 
+    def over(self, other: Gap) -> float:
+        """The greater of both ratios to the other's."""
+        return max(self.rms / other.rms, self.worst / other.worst)
+
 
 @dataclass(frozen=True)
 class MomentumGap:
@@ -42,6 +46,10 @@ class MomentumGap:
     def within(self, other: MomentumGap) -> bool:
         """Whether every part is within the other's."""
         return self.com.within(other.com) and self.linear.within(other.linear) and self.angular.within(other.angular)
+
+    def over(self, other: MomentumGap) -> float:
+        """The greatest ratio to the other's parts: at most 1 where it is within the other."""
+        return max(self.com.over(other.com), self.linear.over(other.linear), self.angular.over(other.angular))
 
     def __str__(self) -> str:
         parts = ((self.com, 1e3, "mm"), (self.linear, 1.0, "kg m/s"), (self.angular, 1.0, "N m s"))
