@@ -20,14 +20,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import expit
+from numba import njit
 
 from learning.calibration import TrainingRange
 from learning.network import TransitionNetwork, network_from_tensors, network_tensors
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
     NUM_CATEGORIES,
-    UNKNOWN,
     CanonicalTransitions,
     canonicalise,
     relative_feature_names,
@@ -45,12 +44,13 @@ class TransitionPrediction:
     """What a surrogate says of n transitions.
 
     Attributes:
-        probability: (n,) of being dynamically feasible, calibrated; 0 where the category is unknown.
+        probability: (n,) of being dynamically feasible, calibrated; 0 where nothing can be said.
         feasible: (n,) bool, whether it reaches the threshold of its category.
-        cost: (n,) objective of the centroidal program [-]; inf where the category is unknown.
+        cost: (n,) objective of the centroidal program [-]; inf where nothing can be said.
         com: (n, 3) final CoM in W [m].
         velocity: (n, 3) final CoM velocity in W [m/s].
-        far: (n,) bool, outside the training data in its features or its friction, or of unknown category.
+        far: (n,) bool, outside the training data in its features or its friction, of a category without training data or
+            unknown, or not finite.
         category: (n,) 0..9 or UNKNOWN.
     """
 
@@ -97,28 +97,15 @@ class DynamicsSurrogate:
 
     def predict_canonical(self, c: CanonicalTransitions, relative: np.ndarray) -> TransitionPrediction:
         """The same for representatives and their relative features; friction is not looked at."""
-        says = self.network.answer(c, relative)
-        known = c.category != UNKNOWN
-        k = c.category  # UNKNOWN (-1) reads the last category and is overwritten
-        probability = expit(self.scale[k] * says.logit + self.offset[k])
-        probability[~known] = 0.0
-        cost = np.where(known, says.cost, np.inf)
-        far = self.range.distance(relative, c.category) > 1.0
-        # Numbers that are not finite, in or out, are nobody's prediction.
-        sound = np.isfinite(probability) & np.isfinite(says.com).all(axis=1) & np.isfinite(says.velocity).all(axis=1)
-        sound &= np.isfinite(relative).all(axis=1)
-        if not sound.all():
-            far |= ~sound
-            probability = np.where(sound, probability, 0.0)
-        return TransitionPrediction(
-            probability,
-            known & (probability >= self.threshold[k]),
-            cost,
-            c.points_to_world(says.com),
-            c.vectors_to_world(says.velocity),
-            far,
-            c.category,
-        )
+        says, n = self.network.answer(c, relative), len(c.category)
+        probability, cost, com, velocity = np.zeros(n), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3))
+        feasible, far = np.zeros(n, np.bool_), np.ones(n, np.bool_)
+        _finish(
+            c.category, c.mirrored, c.heading, c.origin, says.logit, says.cost, says.com, says.velocity,
+            self.range.distance(relative, c.category), self.scale, self.offset, self.threshold,
+            probability, feasible, cost, com, velocity, far,
+        )  # fmt: skip
+        return TransitionPrediction(probability, feasible, cost, com, velocity, far, c.category)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Every array of it by name, to be written."""
@@ -188,3 +175,36 @@ def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: 
         TrainingRange(tensors["range.mean"], tensors["range.whitening"], tensors["range.limit"]),
         (float(low), float(high)), card,
     )  # fmt: skip
+
+
+@njit(cache=True)
+def _finish(
+    category: np.ndarray, mirrored: np.ndarray, heading: np.ndarray, origin: np.ndarray, logit: np.ndarray,
+    cost_F: np.ndarray, com_F: np.ndarray, velocity_F: np.ndarray, distance: np.ndarray, scale: np.ndarray,
+    offset: np.ndarray, threshold: np.ndarray, probability: np.ndarray, feasible: np.ndarray, cost: np.ndarray,
+    com: np.ndarray, velocity: np.ndarray, far: np.ndarray,
+) -> None:  # fmt: skip
+    """Fills the arrays from `probability` on; rows of unknown category or with numbers that are not finite keep theirs.
+
+    As `CanonicalTransitions.points_to_world` does, in one pass: NumPy would take longer for this than for the networks.
+    """
+    for i in range(len(category)):
+        k = category[i]
+        for a in range(3):
+            com[i, a] = origin[i, a]
+        c, s, y = heading[i, 0], heading[i, 1], -1.0 if mirrored[i] else 1.0
+        total = cost_F[i] + distance[i] + scale[k] * logit[i]
+        for a in range(3):
+            total += com_F[i, a] + velocity_F[i, a]
+        if k < 0 or np.isnan(total) or np.isinf(distance[i]):
+            continue
+        com[i, 0] += c * com_F[i, 0] - s * y * com_F[i, 1]
+        com[i, 1] += s * com_F[i, 0] + c * y * com_F[i, 1]
+        com[i, 2] += com_F[i, 2]
+        velocity[i, 0] = c * velocity_F[i, 0] - s * y * velocity_F[i, 1]
+        velocity[i, 1] = s * velocity_F[i, 0] + c * y * velocity_F[i, 1]
+        velocity[i, 2] = velocity_F[i, 2]
+        cost[i] = cost_F[i]
+        probability[i] = 1.0 / (1.0 + np.exp(-(scale[k] * logit[i] + offset[k])))
+        feasible[i] = probability[i] >= threshold[k]
+        far[i] = distance[i] > 1.0

@@ -86,6 +86,18 @@ def test_answers_turn_shift_and_mirror_with_the_world(surrogate, toy_labels) -> 
     np.testing.assert_allclose(mirrored.probability, here.probability, atol=1e-5)
 
 
+def test_answers_are_those_of_the_network_brought_back_to_the_world(surrogate, toy_labels) -> None:
+    """The slow twin of the one pass over the rows."""
+    batch = toy_labels(200, seed=4).batch
+    c = canonicalise(batch)
+    says, raw = surrogate.predict(batch), surrogate.network.answer(c, relative_features(c))
+    np.testing.assert_allclose(says.com, c.points_to_world(raw.com), atol=1e-6)
+    np.testing.assert_allclose(says.velocity, c.vectors_to_world(raw.velocity), atol=1e-6)
+    np.testing.assert_allclose(says.probability, 1 / (1 + np.exp(-raw.logit)), atol=1e-6)
+    np.testing.assert_array_equal(says.feasible, says.probability >= 0.5)
+    np.testing.assert_array_equal(says.cost, raw.cost)
+
+
 def test_a_batch_is_answered_as_its_rows_are(surrogate, toy_labels) -> None:
     batch = toy_labels(60, seed=6).batch
     whole = surrogate.predict(batch)
