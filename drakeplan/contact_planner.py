@@ -12,10 +12,11 @@ import numpy as np
 from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights
 from drakeplan.contact_pool import ContactPool
 from drakeplan.dynamic_domain import DynamicDomain, DynamicWeights
-from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics
+from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.search.ana_star import AnaStar, Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.transition_check import TransitionCheck
+from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.transition_dynamics import transition_options
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
@@ -25,7 +26,7 @@ from scenes.stance import Stance
 from scenes.transition_model import TransitionModel, transition_model
 
 State = tuple[int, ...]  # of `contact_domain` or `dynamic_domain`; the first five numbers mean the same
-DynamicsName = Literal["quasi-static", "exact"]
+DynamicsName = Literal["quasi-static", "exact", "learned"]
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,10 @@ class ContactPlannerOptions:
         epsilon: probability of a random expansion (Lin 2020 sec. 6.4).
         seed: of that choice.
         use_palms: whether palms may be used at all.
-        dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), or feasible for
-            the centroidal program ("exact").
+        dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
+            centroidal program ("exact"), or for what has learned it ("learned").
+        surrogate: for "learned"; None: the one that comes with drakeplan.
+        ask_when_far: whether the exact program answers for transitions that are far from what was learned.
         dynamic_weights: of the edge cost (6.6), where transitions are judged by their dynamics.
     """
 
@@ -51,6 +54,8 @@ class ContactPlannerOptions:
     seed: int = 0
     use_palms: bool = True
     dynamics: DynamicsName = "quasi-static"
+    surrogate: DynamicsSurrogate | None = None
+    ask_when_far: bool = True
     dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
 
 
@@ -65,6 +70,8 @@ class ContactPlan:
         bound: at most this many times the optimum; None where the heuristic gives no guarantee.
         expansions: nodes expanded until it was found.
         elapsed: seconds since planning began (terrain packed, grid, search; not loading).
+        predicted_com: (n, 3) CoM at each stance as the search saw it [m]; None without dynamics.
+        predicted_effort: sum of the transitions' dynamics objectives as the search saw them; None without dynamics.
     """
 
     stances: tuple[Stance, ...]
@@ -73,6 +80,8 @@ class ContactPlan:
     bound: float | None
     expansions: int
     elapsed: float
+    predicted_com: np.ndarray | None = None
+    predicted_effort: float | None = None
 
     @property
     def palms_used(self) -> int:
@@ -90,7 +99,7 @@ class ContactPlanner:
         search: the search that `plans` runs, None before.
 
     Raises:
-        InputError: start or goal missing or off the terrain.
+        InputError: start or goal missing or off the terrain; no usable weights for learned dynamics.
     """
 
     def __init__(
@@ -135,7 +144,11 @@ class ContactPlanner:
             stances = tuple(self._stance(s) for s in found.path)
             bound = found.bound if self.options.heuristic == "admissible" else None
             elapsed = self.setup_s + found.elapsed
-            yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed)
+            com, effort = None, None
+            if self.dynamic is not None:
+                com = np.array([self.dynamic.com_state(s)[0] for s in found.path])
+                effort = self.dynamic.effort(found.path, found.cost)
+            yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed, com, effort)
 
     def forbid(self, before: State, after: State) -> None:
         """Bars a transition that failed a later, stricter check, so that the next search goes round it."""
@@ -155,7 +168,11 @@ class ContactPlanner:
         return f"search exhausted after {search.expansions} expansions; candidates rejected by: {counts or 'nothing'}"
 
     def _evaluator(self, robot: Robot) -> DynamicsEvaluator:
-        return ExactDynamics(self.pool, robot, transition_options(robot, self.options.cone))
+        exact = ExactDynamics(self.pool, robot, transition_options(robot, self.options.cone))
+        if self.options.dynamics == "exact":
+            return exact
+        surrogate = load_surrogate(robot) if self.options.surrogate is None else self.options.surrogate
+        return LearnedDynamics(self.pool, surrogate, exact if self.options.ask_when_far else None)
 
     def _stance(self, state: State) -> Stance:
         return Stance(tuple(None if n < 0 else self.pool.contact(n) for n in state[:4]))

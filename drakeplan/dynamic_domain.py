@@ -84,6 +84,13 @@ class DynamicDomain:
         travel = np.linalg.norm(self._feet_mean(states) - self._feet_mean([state]), axis=1)
         return states, weights.distance * travel + weights.step + weights.dynamics * estimates.cost[feasible]
 
+    def effort(self, path: Sequence[State], cost: float) -> float:
+        """Sum of d_dyn over a path of this cost: what is left of it without ways and steps (6.6)."""
+        mean = self._feet_mean(path)
+        way = float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum())
+        rest = cost - self.weights.distance * way - self.weights.step * (len(path) - 1)
+        return rest / self.weights.dynamics if self.weights.dynamics > 0 else float("nan")
+
     def heuristic(self, states: Sequence[State]) -> np.ndarray:
         """(n,) estimated cost to go (6.7); future dynamics are not in it."""
         return self.contacts.distance_to_go([s[:5] for s in states]) * self._per_metre

@@ -1,6 +1,6 @@
 """Benchmarks: every number that drakeplan reports of itself has a command here.
 
-Each name is a module of this package with `run(options: BenchOptions) -> BenchTable`.
+Each name is a module of this package with `run(options: BenchOptions)`, which returns a `BenchTable` or a tuple of them.
 """
 
 BENCHES = {
@@ -10,5 +10,7 @@ BENCHES = {
     "scale": "growth with the number of surfaces and with the distance",
     "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
     "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",
+    "deform": "plans deformed to surfaces moved by up to 10 cm and 15 deg, beside planning again",
     "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
+    "lin2019": "the experiments of Lin et al. 2019 with learned dynamics: success, robustness, times, prediction",
 }

@@ -66,9 +66,10 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"--case: there is no file {arguments.case}")
     tables = []
     for name in [arguments.name] if arguments.name else BENCHES:
-        tables.append(_run_one(name, arguments, page))
-        if not arguments.json:
-            print(tables[-1].text(), end="\n\n", flush=True)
+        for table in _run_one(name, arguments, page):
+            tables.append(table)
+            if not arguments.json:
+                print(table.text(), end="\n\n", flush=True)
     if arguments.json:
         from drakeplan.bench.table import machine
         from drakeplan.cli.output import print_json
@@ -78,7 +79,7 @@ def run(arguments: Arguments) -> int:
     return 0
 
 
-def _run_one(name: str, arguments: Arguments, page: Path | None) -> BenchTable:
+def _run_one(name: str, arguments: Arguments, page: Path | None) -> tuple[BenchTable, ...]:
     from drakeplan.bench.table import BenchOptions, record, write_markdown
 
     def tell(line: str) -> None:
@@ -86,8 +87,10 @@ def _run_one(name: str, arguments: Arguments, page: Path | None) -> BenchTable:
 
     case = Path(arguments.case) if arguments.case is not None else None
     options = BenchOptions(arguments.seeds, arguments.robot, tell, case)
-    table = import_module(f"drakeplan.bench.{name}").run(options)
-    record(table, options, Path(arguments.database))
-    if page is not None:
-        write_markdown(table, page)
-    return table
+    result = import_module(f"drakeplan.bench.{name}").run(options)
+    tables = result if isinstance(result, tuple) else (result,)
+    for table in tables:
+        record(table, options, Path(arguments.database))
+        if page is not None:
+            write_markdown(table, page)
+    return tables

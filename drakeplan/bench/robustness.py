@@ -1,0 +1,59 @@
+"""How robust a momentum trajectory is: columns (5) to (12) of Lin et al. 2019 fig. 8."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from optimization.centroidal_options import GRAVITY
+from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.contact_schedule import ContactSchedule
+
+COLUMNS = (
+    "(5) |l| kg m/s", "(6) |ldot| N", "(7) |k| N m s", "(8) |kdot| N m", "(9) RMS |f| Mg", "(10) |torque| N m",
+    "(11) lateral |f| Mg", "(12) CoP to edge m",
+)  # fmt: skip
+
+
+def robustness(
+    cases: Sequence[tuple[ContactSchedule, CentroidalTrajectory]], mass: float, half_extent: np.ndarray
+) -> tuple[float, ...]:
+    """Means over all time steps of all trajectories, in the order of `COLUMNS`.
+
+    Contact forces are in units of M g; the root mean square is taken over the contacts of one time step. The distance of
+    a centre of pressure is to the nearest edge of its patch.
+
+    Args:
+        cases: contacts and dynamics of each sequence.
+        mass: M [kg].
+        half_extent: (E, 2) half length and half width of each sole or palm [m].
+    """
+    if not cases:
+        return (float("nan"),) * len(COLUMNS)
+    steps = [_steps(schedule, trajectory, mass * GRAVITY, half_extent) for schedule, trajectory in cases]
+    return tuple(float(np.concatenate([s[c] for s in steps]).mean()) for c in range(len(COLUMNS)))
+
+
+def _steps(
+    schedule: ContactSchedule, trajectory: CentroidalTrajectory, weight: float, half_extent: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    dt = np.diff(trajectory.t)[:, None]
+    l, k = trajectory.linear_momentum, trajectory.angular_momentum
+    held = schedule.active >= 0
+    knot, effector = np.nonzero(held)
+    _, R_WC, _ = schedule.poses()
+    force_W = trajectory.force_W[:-1] / weight
+    force_C = np.einsum("jba,jb->ja", R_WC[schedule.active[knot, effector]], force_W[knot, effector])
+    square = np.where(held, (force_W**2).sum(axis=2), 0.0)
+    margin = (half_extent[effector] - np.abs(trajectory.cop_C[knot, effector])).min(axis=1)
+    return (
+        np.linalg.norm(l[1:], axis=1),
+        np.linalg.norm(np.diff(l, axis=0) / dt, axis=1),
+        np.linalg.norm(k[1:], axis=1),
+        np.linalg.norm(np.diff(k, axis=0) / dt, axis=1),
+        np.sqrt(square.sum(axis=1) / np.maximum(held.sum(axis=1), 1)),
+        np.abs(trajectory.torque_n[knot, effector]),
+        np.hypot(force_C[:, 0], force_C[:, 1]),
+        margin,
+    )
