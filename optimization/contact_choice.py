@@ -49,6 +49,12 @@ class Place:
     skipped: object
     given: Contact | None = None
 
+    def on(self, surface: int) -> object:
+        """Expression (or number) that is 1 where the contact lies on this surface, else 0."""
+        if self.given is not None:
+            return 1.0 if self.given.surface == surface else 0.0
+        return sum((b for r, b in zip(self.regions, self.choice, strict=True) if r.surface == surface), start=0.0)
+
     def contact(self, x: np.ndarray, index: object) -> Contact | None:
         """The contact at the answer x (n,); None where it is skipped.
 

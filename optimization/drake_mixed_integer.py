@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from optimization.mixed_integer_data import MixedIntegerData, build_program
+from optimization.mixed_integer_dive import DIVE_SHARE, dive
 from optimization.scip_adapter import Tell
 
 FIRST_NODES = 32  # explored by the first round of branch and bound; every further round explores four times as many
@@ -63,8 +64,14 @@ def branch_and_bound(data: MixedIntegerData, time_limit: float, gap: float, firs
     from pydrake.solvers import ClarabelSolver, MixedIntegerBranchAndBound, SolutionResult
 
     began, nodes = time.perf_counter(), FIRST_NODES
-    prog, x = build_program(data)
+    start = dive(data, DIVE_SHARE * time_limit)
     best = np.inf
+    if start is not None:
+        best = data.cost(start)
+        tell(best, -np.inf, start)
+        if first_only:
+            return "first"
+    prog, x = build_program(data)
     while True:
         options = MixedIntegerBranchAndBound.Options()
         options.max_explored_nodes = nodes

@@ -9,8 +9,8 @@ Lin 2020 sec. 2.7 describes the family, sec. 6.7.3 compares it with search.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.solvers import MathematicalProgram
@@ -47,6 +47,8 @@ class ContactQuery:
         goal: where the mean of the feet ends.
         reach: of steps and palms.
         cone: friction cone by name.
+        narrowed: by surfaces of left and right foot: the share of the reach that is left while the feet stand on these,
+            because stances at its edge have failed a stricter check; 0 bars the pair.
 
     Raises:
         InputError: a foot is in the air at the start, or a number is not finite.
@@ -58,6 +60,7 @@ class ContactQuery:
     goal: Goal
     reach: StepReach
     cone: str = "inner"
+    narrowed: Mapping[tuple[int, int], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.start.contacts[0] is None or self.start.contacts[1] is None:
@@ -239,6 +242,7 @@ class FootstepProgram:
             rows = [radius + self._start_lack(k, side) * place.skipped, apart[0] - (c * o[0] - s * o[1]),
                     apart[1] - (s * o[0] + c * o[1])]  # fmt: skip
             _cone(self.prog, rows, f"reach {k} {name}")
+        self._narrow(name, place, stand, apart, side)
         left, right = (c.p_WC for c in self.query.start.contacts[:2])
         lack = max(abs(left[2] - right[2]) - reach.rise, 0.0) * place.skipped
         _between(self.prog, apart[2], -reach.rise - lack, reach.rise + lack, f"rise {name}")
@@ -247,6 +251,21 @@ class FootstepProgram:
             lack = 2 * np.pi * place.skipped
             _between(self.prog, turn, -reach.turn_in - lack, reach.turn_out + lack, f"turn {name}")
         self._add_stride(name, place, old, reach.stride, 0.0)
+
+    def _narrow(self, name: str, place: Place, stand: Place, apart: np.ndarray, side: float) -> None:
+        """Less reach, or none, while the feet stand on a pair of surfaces where stances have failed."""
+        for surfaces, share in self.query.narrowed.items():
+            here, there = surfaces if place.effector == 0 else surfaces[::-1]
+            both = 2.0 - place.on(here) - stand.on(there)  # 0 where the pair is chosen
+            if share <= 0:
+                if not isinstance(both, float):
+                    self.prog.AddLinearConstraint(both, 1.0, 2.0)
+                continue
+            c, s = stand.cosine, stand.sine
+            for k, (o, radius) in enumerate(self.query.reach.scaled(share).discs(side)):
+                off = [apart[0] - (c * o[0] - s * o[1]), apart[1] - (s * o[0] + c * o[1])]
+                free = (2.0 * self.query.reach.farthest + 2.0 * radius) * both
+                _cone(self.prog, [radius + free, *off], f"narrowed reach {k} {name}")
 
     def _start_lack(self, k: int, side: float) -> float:
         """What the start stance lacks to satisfy disc k of the reach: a foot that stays may keep it."""

@@ -129,6 +129,7 @@ class MixedIntegerRecord:
         time_to_first: seconds to the first feasible answer by the solver's word, NaN where there was none.
         history: incumbents and bounds over time.
         peak_rss_mb: of the solver's process.
+        cpu_time: of the solver's process, its start included [s].
     """
 
     solver: str
@@ -143,6 +144,7 @@ class MixedIntegerRecord:
     time_to_first: float
     history: tuple[Progress, ...] = field(default=())
     peak_rss_mb: float = float("nan")
+    cpu_time: float = float("nan")
 
     @property
     def gap(self) -> float:
@@ -238,7 +240,19 @@ def _run(
     }[status]
     elapsed = time.perf_counter() - began
     return MixedIntegerRecord(
-        backend.name, status, message, x, cost, bound, worst, name, elapsed, first, tuple(history), worker.peak_rss_mb
+        backend.name,
+        status,
+        message,
+        x,
+        cost,
+        bound,
+        worst,
+        name,
+        elapsed,
+        first,
+        tuple(history),
+        worker.peak_rss_mb,
+        worker.cpu_time,
     )
 
 
@@ -276,7 +290,7 @@ class _Worker:
     def __init__(self, job: Job) -> None:
         self._job = job
         self.killed = False
-        self.peak_rss_mb = float("nan")
+        self.peak_rss_mb = self.cpu_time = float("nan")
         self._status: int | None = None
 
     def __enter__(self) -> _Worker:
@@ -324,6 +338,7 @@ class _Worker:
         _, status, usage = os.wait4(self._process.pid, 0)
         self._status = self._process.returncode = os.waitstatus_to_exitcode(status)
         self.peak_rss_mb = usage.ru_maxrss / 1024.0
+        self.cpu_time = usage.ru_utime + usage.ru_stime
 
     def obituary(self) -> str:
         """How the process died, with the last line that it wrote to standard error."""
