@@ -23,8 +23,8 @@ COMMANDS = {
     "play": "show a plan in the browser, or write it as one HTML page",
     "scenes": "list, show and export terrains",
     "robots": "list robots, or print the model file of one",
-    "collect": "gather training data (comes with learned dynamics)",
-    "train": "train surrogates (comes with learned dynamics)",
+    "collect": "gather training data for surrogates, on this machine or a cluster",
+    "train": "train surrogates on gathered data",
     "bench": "measure speed and compare with peers",
 }
 OVERVIEW = """usage: drakeplan COMMAND ...

@@ -89,7 +89,9 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         ("bench nothing", "unknown benchmark 'nothing'"),
         ("bench --seeds 0", "--seeds: expected 1 or more"),
         ("collect", "later version"),
-        ("train", "later version"),
+        ("train", "SURROGATE is missing"),
+        ("train dynamic --data x --out y", "did you mean dynamics"),
+        ("train dynamics --out y", "--data is missing"),
     ],
 )
 def test_a_mistake_gets_one_line_that_names_it_and_exit_2(
