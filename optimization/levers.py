@@ -30,6 +30,7 @@ class Lever:
         usual: change that counts as one; orders changes of different kinds.
         unit: of the number.
         apply: the question with the number changed by so much (>= 0).
+        members: whose number: where a lever of the same name moves more members, it does all that this one does.
     """
 
     kind: str
@@ -41,6 +42,11 @@ class Lever:
     usual: float
     unit: str
     apply: Callable[[Question, float], Question]
+    members: frozenset[object] = frozenset()
+
+    def part_of(self, other: Lever) -> bool:
+        """Whether the other lever, moved all the way, does all that this one can do."""
+        return self.kind == other.kind and bool(self.members) and self.members < other.members
 
 
 def phase_of_interval(schedule: ContactSchedule) -> np.ndarray:
@@ -63,7 +69,9 @@ def friction_lever(problem: CentroidalProblem, contacts: Iterable[int]) -> Lever
         return replace(asked, schedule=replace(asked.schedule, contacts=tuple(held))), options
 
     names = " and ".join(f"{all_contacts[c].effector} (contact {c})" for c in chosen)
-    return Lever("friction", f"friction of {names}", now, 1, max(2.0 - now, 0.5), 0.001, 0.1, "", apply)
+    return Lever(
+        "friction", f"friction of {names}", now, 1, max(2.0 - now, 0.5), 0.001, 0.1, "", apply, frozenset(chosen)
+    )
 
 
 def reach_lever(options: CentroidalOptions, effectors: Iterable[int]) -> Lever:
@@ -74,7 +82,7 @@ def reach_lever(options: CentroidalOptions, effectors: Iterable[int]) -> Lever:
         return question[0], replace(question[1], com_reach=_at_least(question[1].com_reach, chosen, now + change))
 
     now = min(options.com_reach[e] for e in chosen)
-    return Lever("reach", f"reach of {_names(chosen)}", now, 1, 0.5, 0.001, 0.05, "m", apply)
+    return Lever("reach", f"reach of {_names(chosen)}", now, 1, 0.5, 0.001, 0.05, "m", apply, frozenset(chosen))
 
 
 def height_levers(options: CentroidalOptions) -> list[Lever]:
@@ -122,7 +130,7 @@ def force_lever(options: CentroidalOptions, effectors: Iterable[int]) -> Lever:
         return question[0], replace(question[1], force_limit=_at_least(question[1].force_limit, chosen, now + change))
 
     now = min(options.force_limit[e] for e in chosen)
-    return Lever("force", f"force limit of {_names(chosen)}", now, 1, 3.0, 0.005, 0.2, "M g", apply)
+    return Lever("force", f"force limit of {_names(chosen)}", now, 1, 3.0, 0.005, 0.2, "M g", apply, frozenset(chosen))
 
 
 def momentum_levers(options: CentroidalOptions) -> list[Lever]:
@@ -145,9 +153,20 @@ def momentum_levers(options: CentroidalOptions) -> list[Lever]:
 
     k, rate = min(options.angular_momentum_limit), min(options.angular_momentum_rate_limit)
     return [
-        Lever("momentum", "angular momentum limit", k, 1, 200.0, 0.1, 10.0, "N m s", more),
-        Lever("momentum", "angular momentum rate limit", rate, 1, 400.0, 0.1, 20.0, "N m", faster),
-        Lever("momentum", "both angular momentum limits, times", 1.0, 1, 9.0, 0.01, 0.3, "", both),
+        Lever(
+            "momentum",
+            "both angular momentum limits, times",
+            1.0,
+            1,
+            9.0,
+            0.01,
+            0.3,
+            "",
+            both,
+            frozenset({"k", "kdot"}),
+        ),
+        Lever("momentum", "angular momentum limit", k, 1, 200.0, 0.1, 10.0, "N m s", more, frozenset({"k"})),
+        Lever("momentum", "angular momentum rate limit", rate, 1, 400.0, 0.1, 20.0, "N m", faster, frozenset({"kdot"})),
     ]
 
 

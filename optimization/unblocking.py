@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -157,7 +157,8 @@ class _Trials:
 
     def solve(self, question: Question) -> tuple[CentroidalProgram, CentroidalEstimate]:
         self.solves += 1
-        program = self.build(*question)
+        problem, options = question
+        program = self.build(problem, replace(options, explain=False))
         return program, program.solve()
 
     def feasible(self, question: Question) -> bool:
@@ -196,16 +197,30 @@ def unblock(
     if estimate.feasible:
         return InfeasibilityReport(True, (), (), trials.solves, True)
     blockages = find_blockages(program, estimate)
-    remedies = [
-        remedy
-        for lever in _levers(question, blockages)
-        if trials.may_go_on() and (remedy := _least(question, lever, trials)) is not None
-    ]
+    remedies = _single(question, blockages, trials)
     if not remedies and blockages:
         together = _one_after_the_other(question, trials)
         remedies = [together] if together is not None else []
     remedies.sort(key=lambda remedy: remedy.size)
     return InfeasibilityReport(False, tuple(blockages), tuple(remedies), trials.solves, not trials.stopped)
+
+
+def _single(question: Question, blockages: list[Blockage], trials: _Trials) -> list[Remedy]:
+    """The least change of each number that is enough by itself, those that the blocks are about first."""
+    direct = {DIRECT.get(blockage.block) for blockage in blockages}
+    remedies: list[Remedy] = []
+    vain: list[Lever] = []
+    for lever in sorted(_levers(question, blockages), key=lambda lever: lever.kind not in direct):
+        if any(lever.part_of(other) for other in vain):
+            continue  # where everybody's friction is not enough, one's is not
+        if not trials.may_go_on():
+            break
+        remedy = _least(question, lever, trials)
+        if remedy is None:
+            vain.append(lever)
+        else:
+            remedies.append(remedy)
+    return remedies
 
 
 def find_blockages(program: CentroidalProgram, estimate: CentroidalEstimate) -> list[Blockage]:
@@ -250,9 +265,9 @@ def _levers(question: Question, blockages: list[Blockage]) -> list[Lever]:
         active = schedule.active[phases == phase][0]
         contacts |= set(active[active >= 0].tolist())
         effectors |= set(np.flatnonzero(active >= 0).tolist())
-    levers += [friction_lever(problem, group) for group in _alone_and_all(contacts)]
-    levers += [reach_lever(options, group) for group in _alone_and_all(effectors)]
-    levers += [force_lever(options, group) for group in _alone_and_all(effectors)]
+    levers += [friction_lever(problem, group) for group in _all_and_alone(contacts)]
+    levers += [reach_lever(options, group) for group in _all_and_alone(effectors)]
+    levers += [force_lever(options, group) for group in _all_and_alone(effectors)]
     levers += height_levers(options) + momentum_levers(options) + place_levers(problem, options)
     flights = {int(phases[n]) for n in np.flatnonzero((schedule.active < 0).all(axis=1))}
     for phase in dict.fromkeys([*blocked, *sorted(flights)]):
@@ -260,8 +275,9 @@ def _levers(question: Question, blockages: list[Blockage]) -> list[Lever]:
     return [lever for lever in levers if np.isfinite(lever.now)]
 
 
-def _alone_and_all(numbers: set[int]) -> list[list[int]]:
-    return [[number] for number in sorted(numbers)] + ([sorted(numbers)] if len(numbers) > 1 else [])
+def _all_and_alone(numbers: set[int]) -> list[list[int]]:
+    alone = [[number] for number in sorted(numbers)]
+    return [sorted(numbers), *alone] if len(numbers) > 1 else alone
 
 
 def _least(question: Question, lever: Lever, trials: _Trials) -> Remedy | None:
@@ -319,7 +335,7 @@ def _direct(question: Question, blockages: list[Blockage]) -> Lever | None:
     named = [lever for lever in levers if lever.what.endswith(worst[0].block)]
     owners = {b.effector for b in worst if b.effector}
     mine = [lever for lever in levers if owners and all(owner in lever.what for owner in owners)]
-    return next(iter(named or mine[-1:] or levers[:1]), None)
+    return next(iter(named or mine[-1:] or levers[:1]), None)  # of several, the one that touches no others
 
 
 def _told(lever: Lever, change: float) -> Change:
