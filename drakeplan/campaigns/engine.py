@@ -36,7 +36,7 @@ class CollectOptions:
 
     tasks: int
     seed: int = 0
-    tasks_per_shard: int = 16
+    tasks_per_shard: int = 8
 
     def __post_init__(self) -> None:
         for name, least in (("tasks", 1), ("seed", 0), ("tasks_per_shard", 1)):
