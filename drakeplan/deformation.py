@@ -38,6 +38,7 @@ from scenes.scene_file import scene_from_yaml
 from scenes.stance import Stance
 
 MAX_PER_PHASE = 10  # configurations (issue of the test of use: at most 10 a phase)
+Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 
 
@@ -147,53 +148,59 @@ class _Deformation:
         self.strip_options = replace(options.strip, cone=plan.friction_cone)
         self.sampling = Sampling(options.per_phase, options.furthest, options.strip.turn)
         self.planned = planned_contacts(plan)
-        self.barred: dict[int, set[int]] = {}
+        self.barred: list[set[int]] = [set() for _ in self.planned]
         self.report = dict.fromkeys(
             ("deform_s", "regions_s", "strip_s", "dynamics_s", "motion_s", "verification_s", "iterations",
              "configurations", "repairs", "moved_mean", "moved_most"), 0.0)  # fmt: skip
         self._maker: MotionMaker | None = None
 
     def run(self) -> DeformResult:
-        began = time.perf_counter()
-        alone = stands_alone(self.plan)
-        self.choices = [contact_choices(c, self.robot, self.packed, self.sampling) for c in self.planned]
-        self._spend("regions_s", began)
-        best: DeformResult | None = None
-        for attempt in range(self.options.repairs + 1):
-            self.report["repairs"] = float(attempt)
-            chosen = self._choose(alone)
-            if isinstance(chosen, str):
-                best = best or DeformResult("none", chosen, None, None, None, self.report)
+        best = self._without_region()
+        tried: set[tuple[int, ...]] = set()
+        for attempt in range(self.options.repairs + 1 if best is None else 0):
+            chosen = self._choose()
+            places = tuple(contact.surface for contact, _ in chosen)
+            if places in tried:
                 break
+            tried.add(places)
+            self.report["repairs"] = float(attempt)
             result, blamed = self._attempt(chosen)
             best = result if best is None or _rank(result) > _rank(best) else best
             if result.status == "complete" or not blamed or self.report["deform_s"] > self.options.deadline:
                 break
             for c in blamed:
-                self.barred.setdefault(c, set()).add(chosen[c][0].surface)
+                self.barred[c].add(places[c])
         assert best is not None
         return replace(best, report=dict(self.report))
 
-    def _choose(self, alone: np.ndarray) -> dict[int, tuple[Contact, ContactRegions]] | str:
-        """Where each contact goes, or which one has nowhere to go."""
-        began, chosen = time.perf_counter(), {}
+    def _without_region(self) -> DeformResult | None:
+        """Finds the regions of every contact; the answer where one has none."""
+        began, alone = time.process_time(), stands_alone(self.plan)
+        self.choices = []
         for c, contact in enumerate(self.planned):
-            barred = frozenset(self.barred.get(c, ()))
-            found = choose_region(
-                contact, self.choices[c], self.packed, self.plan.friction_cone, bool(alone[c]), barred
-            )
-            if found is None and barred:  # everything was tried: the nearest again
-                self.barred[c] = set()
-                found = choose_region(contact, self.choices[c], self.packed, self.plan.friction_cone, bool(alone[c]),
-                                      frozenset())  # fmt: skip
-            if found is None:
-                reach = self.options.furthest
-                return f"contact {c} ({contact.effector}): no contact region within {reach:g} m of where it was"
-            chosen[c] = found
+            cone = self.plan.friction_cone if alone[c] else None
+            self.choices.append(contact_choices(contact, self.robot, self.packed, self.sampling, cone))
+            if not len(self.choices[c]):
+                what = "no contact region flat enough to stand on alone" if alone[c] else "no contact region"
+                where = f"within {self.options.furthest:g} m of where it was"
+                reason = f"contact {c} ({contact.effector}): {what} {where}"
+                return DeformResult("none", reason, None, None, None, dict(self.report))
         self._spend("regions_s", began)
+        return None
+
+    def _choose(self) -> list[Choice]:
+        """Where each contact goes: the nearest place that is not barred, the nearest of all where everything is."""
+        chosen = []
+        for c, contact in enumerate(self.planned):
+            choice = choose_region(contact, self.choices[c], self.packed, self.barred[c])
+            if choice is None:
+                self.barred[c].clear()
+                choice = choose_region(contact, self.choices[c], self.packed, ())
+            assert choice is not None, "there are regions, and none is barred"
+            chosen.append(choice)
         return chosen
 
-    def _attempt(self, chosen: dict[int, tuple[Contact, ContactRegions]]) -> tuple[DeformResult, list[int]]:
+    def _attempt(self, chosen: list[Choice]) -> tuple[DeformResult, list[int]]:
         """One strip and what follows; with the contacts whose places are to blame where it fails."""
         strip = self._deform_strip(chosen)
         if not strip.feasible:
@@ -213,8 +220,8 @@ class _Deformation:
             reason = "verification failed: " + ", ".join(c.name for c in report.checks if not c.ok)
         return self._result("contacts", reason, stances, None, strip, report), self._blame_motion(motion)
 
-    def _deform_strip(self, chosen: dict[int, tuple[Contact, ContactRegions]]) -> StripEstimate:
-        began = time.perf_counter()
+    def _deform_strip(self, chosen: list[Choice]) -> StripEstimate:
+        began = time.process_time()
         problem = self._problem = make_problem(self.plan, self.scene, self.planned, chosen, self.sampling)
         left = max(self.options.deadline - self.report["deform_s"], 0.5)
         options = replace(self.strip_options, time_limit=min(self.strip_options.time_limit, left))
@@ -236,13 +243,13 @@ class _Deformation:
         return motion
 
     def _verify(self, stances: list[Stance], motion: MotionResult) -> tuple[Report, Plan]:
-        began = time.perf_counter()
+        began = time.process_time()
         plan = self._assemble(stances, motion)
         with tempfile.TemporaryDirectory(prefix="drakeplan-") as folder:
             path = Path(folder) / "plan.h5"
             write_plan(plan, path)
             report = verify(path)
-        self.report["verification_s"] += time.perf_counter() - began
+        self.report["verification_s"] += time.process_time() - began
         return report, plan
 
     def _assemble(self, stances: list[Stance], motion: MotionResult | None) -> Plan:
@@ -285,7 +292,7 @@ class _Deformation:
         self.report["moved_mean"], self.report["moved_most"] = float(np.mean(moved)), float(np.max(moved))
 
     def _spend(self, key: str, began: float) -> None:
-        spent = time.perf_counter() - began
+        spent = time.process_time() - began
         self.report[key] += spent
         self.report["deform_s"] += spent
 

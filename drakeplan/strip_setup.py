@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from scenes.scene import Scene
 
 START_RADIUS = 0.14  # [m] that the mean of the feet may be from the start: the verifier allows 15 cm
 GOAL_SLACK = 0.005  # [m] of the goal's radius left unused
-NOT_ALONE = 10.0  # [m] what a surface too steep for the only contact adds to its distance
+FRICTION_SHARE = 0.97  # of the friction that a contact which carries alone counts on
 
 
 @dataclass(frozen=True)
@@ -58,46 +58,54 @@ def stands_alone(plan: Plan) -> np.ndarray:
     return alone
 
 
-def contact_choices(contact: Contact, robot: Robot, packed: PackedTerrain, sampling: Sampling) -> ContactRegions:
-    """Circles within reach that this contact could move to, with its heading, sorted by surface."""
+def contact_choices(
+    contact: Contact, robot: Robot, packed: PackedTerrain, sampling: Sampling, cone: str | None
+) -> ContactRegions:
+    """Circles within reach that this contact could move to, with its heading, sorted by surface.
+
+    Args:
+        cone: friction cone by name where the contact must carry the robot alone, which steep surfaces do not let it;
+            None where it need not.
+    """
     spec = next(e for e in robot.effectors if e.name == contact.effector)
     x, y, reach = contact.p_WC[0], contact.p_WC[1], sampling.furthest
     around = near(packed, x - reach, y - reach, x + reach, y + reach)
     turn = sampling.turn if is_foot(contact.effector) else 0.0
     surfaces = [int(k) for k in around if k < packed.num_surfaces]
+    if cone is not None:
+        surfaces = [k for k in surfaces if _carries_alone(contact, packed, k, cone)]
     regions = cover_terrain(packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces)
     return regions.where(regions.distance(contact.X_WC) <= sampling.furthest)
 
 
+def _carries_alone(contact: Contact, packed: PackedTerrain, surface: int, cone: str) -> bool:
+    """Whether gravity lies in the friction cone there, with some to spare: the contact may turn a little yet."""
+    R_WC = contact_rotation(contact.effector, packed.normal[surface], contact.heading)
+    return frame_stands_alone(cone_index(cone), FRICTION_SHARE * float(packed.friction[surface]), R_WC)
+
+
 def choose_region(
-    contact: Contact, regions: ContactRegions, packed: PackedTerrain, cone: str, alone: bool, barred: frozenset[int]
+    contact: Contact, regions: ContactRegions, packed: PackedTerrain, barred: Collection[int]
 ) -> tuple[Contact, ContactRegions] | None:
     """The contact projected into its nearest region, and the circles of that surface; None where there is none.
-
-    Surfaces too steep for a contact that carries the robot alone come after all others.
 
     Args:
         barred: surfaces that were found not to do.
     """
     allowed = regions.where(~np.isin(regions.surface, list(barred)))
-    if not len(allowed):
+    index, _ = allowed.nearest(contact.X_WC)
+    if index < 0:
         return None
-    distance = allowed.distance(contact.X_WC)
-    if alone:
-        for s in np.unique(allowed.surface):
-            R = contact_rotation(contact.effector, packed.normal[s], contact.heading)
-            if not frame_stands_alone(cone_index(cone), float(packed.friction[s]), R):
-                distance = distance + NOT_ALONE * (allowed.surface == s)
-    surface = int(allowed.surface[np.argmin(distance)])
-    own = allowed.where(allowed.surface == surface)
-    point = own.project(contact.X_WC, own.nearest(contact.X_WC)[0])[:3, 3]
+    surface = int(allowed.surface[index])
+    point = allowed.project(contact.X_WC, index)[:3, 3]
     X_WC = contact_pose(contact.effector, point, packed.normal[surface], contact.heading)
+    own = allowed.where(allowed.surface == surface)
     return Contact(contact.effector, surface, X_WC, float(packed.friction[surface]), contact.heading), own
 
 
 def make_problem(
     plan: Plan, scene: Scene, planned: tuple[Contact, ...],
-    chosen: Mapping[int, tuple[Contact, ContactRegions]], sampling: Sampling,
+    chosen: Sequence[tuple[Contact, ContactRegions]], sampling: Sampling,
 ) -> StripProblem:  # fmt: skip
     """The strip of a complete plan whose contacts go where `chosen` says."""
     frames, phase, share, boundary = _samples(plan, sampling.per_phase)
@@ -121,9 +129,9 @@ def make_problem(
         t=plan.motion.t[frames],
         q=plan.motion.q[frames],
         phase=phase,
-        contacts=tuple(chosen[c][0] for c in range(len(planned))),
+        contacts=tuple(contact for contact, _ in chosen),
         planned=planned,
-        regions=tuple(chosen[c][1] for c in range(len(planned))),
+        regions=tuple(regions for _, regions in chosen),
         held=held,
         support=support,
         swing=swing,

@@ -218,14 +218,14 @@ class ElasticStrip:
 
         Where a task cannot be done the best strip so far comes back, marked, with the faults of that one.
         """
-        began = time.perf_counter()
+        began = time.process_time()
         solver = ConvexSolver(self.prog, SolverSettings(self.options.solver, ACCURATE, ACCURATE, accept=1e-4))
         state = _State(np.array(self.problem.q, dtype=float), self._home.copy(), np.zeros(len(self._home)))
         trust, done, ended_by = self.options.trust, [], "iterations"
         violations = self._look(state)
         best, best_violations, step = state, violations, np.inf
         for _ in range(self.options.max_iterations):
-            if time.perf_counter() - began > self.options.time_limit:
+            if time.process_time() - began > self.options.time_limit:
                 ended_by = "time"
                 break
             self._update(state, trust)
@@ -237,7 +237,7 @@ class ElasticStrip:
             step = float(np.abs(x[self._dq_index]).max())
             before, state = violations, after
             done.append(StripIteration(before.contact.max(initial=0.0), before.balance.max(), before.clearance.max(),
-                                       record.cost, step, record.solver, record.time, time.perf_counter() - began))  # fmt: skip
+                                       record.cost, step, record.solver, record.time, time.process_time() - began))  # fmt: skip
             violations = self._look(state)
             if violations.total > 0.9 * before.total and violations.score > 1.0:
                 trust = max(0.5 * trust, LEAST_TRUST)

@@ -1,0 +1,135 @@
+"""Deforming a plan to a scene whose surfaces have moved, beside planning it again from scratch.
+
+Every surface of a scene that a verified plan crosses moves by up to 10 cm and 15 deg. The plan is deformed (Lin 2020 sec.
+4.5), dynamics and motion are made anew, and the verifier reads the file; the same scene is planned from scratch.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from drakeplan.bench.table import BenchOptions, BenchTable
+from drakeplan.deformation import DeformOptions, DeformResult, deform
+from drakeplan.plan import Plan
+from drakeplan.plan_options import PlanOptions
+from drakeplan.planning import plan_scene
+from scenes.moved_terrain import move_surfaces
+from scenes.robot import Robot, load_robot
+from scenes.scene import Scene
+from scenes.scene_source import load_scene
+
+SCENES = ("rubble_field", "rubble_corridor")
+PLANS = 5  # verified plans of each scene, seeds 0 to 4; move s deforms that of seed s modulo 5
+TARGET, SECONDS = 0.60, 5.0  # share of what replanning solves, deformation time of each [s]
+DEADLINE = 10.0  # [s] of search from scratch
+RESUME = "DRAKEPLAN_BENCH_RESUME"  # names a file of JSON lines: what stands there is not run again
+
+Case = dict[str, object]
+
+
+def run(options: BenchOptions) -> BenchTable:
+    """Moves 0 and up of each scene; with the file that `DRAKEPLAN_BENCH_RESUME` names it goes on where it stopped."""
+    robot = load_robot(options.robot)
+    file = Path(os.environ[RESUME]) if os.environ.get(RESUME) else None
+    known = _read(file)
+    plans: dict[tuple[str, int], Plan | None] = {}
+    cases: dict[str, list[Case]] = {name: [] for name in SCENES}
+    for seed in range(options.seeds):
+        for name in SCENES:
+            case = known.get((options.robot, name, seed))
+            if case is None:
+                case = _run_case(plans, robot, name, seed)
+                _append(file, case)
+            cases[name].append(case)
+            options.tell(
+                f"{name} {seed}: deformed {case['deform']} ({case['deform_reason']}), planned {case['replan']}"
+            )
+    rows, notes = [], []
+    for name, found in cases.items():
+        rows.append(_row(name, found))
+        notes += _reasons(name, found)
+    columns = ("scene", "moved scenes", "planned again", "deformed", "both", "share of planned", "target",
+               "deformation median s", "p95", "target s", "whole deformation median s", "planning again median s")  # fmt: skip
+    notes.append("Deformation: regions and strips, seconds of processor time; whole deformation adds dynamics, motion and "
+                 "verification; both columns on the right in wall time.")  # fmt: skip
+    title = "Plans deformed to surfaces moved by up to 10 cm and 15 deg"
+    return BenchTable("deform", title, columns, tuple(rows), tuple(notes))
+
+
+def moved_scene(name: str, seed: int) -> tuple[Scene, Scene]:
+    """The scene that was planned for, and the same with every surface moved: draw `seed`, plan `seed` modulo 5."""
+    scene = load_scene(name, seed=seed % PLANS)
+    terrain = move_surfaces(scene.terrain, np.random.default_rng(seed))
+    return scene, dataclasses.replace(scene, name=f"{name}_moved", terrain=terrain)
+
+
+def _run_case(plans: dict[tuple[str, int], Plan | None], robot: Robot, name: str, seed: int) -> Case:
+    scene, moved = moved_scene(name, seed)
+    key = name, seed % PLANS
+    if key not in plans:
+        plans[key] = plan_scene(scene, robot, PlanOptions(seed=seed % PLANS, deadline=DEADLINE)).plan
+    case: Case = {"robot": robot.name, "scene": name, "seed": seed}
+    plan = plans[key]
+    if plan is None or plan.motion is None:
+        return case | {"deform": "no plan", "deform_reason": "the unmoved scene has no verified plan", "deform_s": np.nan,
+                       "deform_total_s": np.nan, "replan": "not asked", "replan_reason": "", "replan_s": np.nan}  # fmt: skip
+    began = time.perf_counter()
+    result = deform(plan, moved, DeformOptions(), robot=robot)
+    case |= {"deform": result.status, "deform_reason": _category(result), "deform_s": result.report["deform_s"],
+             "deform_detail": result.reason, "deform_total_s": time.perf_counter() - began}  # fmt: skip
+    again = plan_scene(moved, robot, PlanOptions(seed=seed, deadline=DEADLINE))
+    return case | {"replan": again.status, "replan_reason": again.reason, "replan_s": again.report["total_s"]}
+
+
+def _category(result: DeformResult) -> str:
+    """Why a deformation failed, without the numbers: "" where it did not."""
+    if result.status == "complete":
+        return ""
+    if result.status == "strip" and result.strip is not None:
+        return f"strip: {result.strip.faults[0].task}"
+    if result.status == "none":
+        return re.sub(r"^contact \d+ \(\w+\): |within [\d.]+ m .*", "", result.reason).strip()
+    return re.sub(
+        r"(transition )?[\d.]+( s)?.*", "", result.reason.split(":")[0] + ": " + result.reason.partition(": ")[2]
+    )
+
+
+def _row(name: str, cases: list[Case]) -> tuple[object, ...]:
+    asked = [c for c in cases if c["replan"] != "not asked"]
+    planned = [c for c in asked if c["replan"] == "complete"]
+    deformed = [c for c in asked if c["deform"] == "complete"]
+    both = [c for c in planned if c["deform"] == "complete"]
+
+    def middle(found: list[Case], key: str, percent: float = 50.0) -> float:
+        values = [float(c[key]) for c in found]  # type: ignore[arg-type]
+        return float(np.percentile(values, percent)) if values else float("nan")
+
+    share = len(both) / len(planned) if planned else float("nan")
+    return (name, len(asked), len(planned), len(deformed), len(both), share, TARGET, middle(asked, "deform_s"),
+            middle(asked, "deform_s", 95.0), SECONDS, middle(deformed, "deform_total_s"), middle(planned, "replan_s"))  # fmt: skip
+
+
+def _reasons(name: str, cases: list[Case]) -> list[str]:
+    failed = Counter(str(c["deform_reason"]) for c in cases if c["deform"] != "complete")
+    return [f"{name}: {count} times {reason}" for reason, count in failed.most_common()]
+
+
+def _read(file: Path | None) -> dict[tuple[str, str, int], Case]:
+    if file is None or not file.exists():
+        return {}
+    cases = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
+    return {(c["robot"], c["scene"], c["seed"]): c for c in cases}
+
+
+def _append(file: Path | None, case: Case) -> None:
+    if file is not None:
+        with file.open("a", encoding="utf-8") as out:
+            out.write(json.dumps(case) + "\n")
