@@ -8,6 +8,7 @@ The programs want the number of contacts (Lin et al. 2019 sec. VIII-C): it start
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -21,12 +22,11 @@ from drakeplan.contact_pool import ContactPool
 from drakeplan.search.ana_star import Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.transition_check import TransitionCheck
-from optimization.convex_set_graph import ConvexSetGraph
 from optimization.mixed_integer import ContactEstimate, ContactQuery, FootstepOptions, FootstepProgram
-from optimization.mixed_integer_dynamics import ContactDynamicsProgram
-from optimization.mixed_integer_solvers import MixedIntegerSettings
+from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
 from optimization.step_reach import step_reach
 from optimization.whole_body_ik import WholeBodyIK
+from scenes.input_error import unknown_name
 from scenes.packed_terrain import pack_terrain
 from scenes.robot import Robot
 from scenes.scene import Goal, Scene
@@ -40,6 +40,8 @@ SHRINK = 0.8  # the reach on a pair of surfaces is multiplied by this after a fa
 LEAST_SHARE = 0.5  # and the pair is barred once less than this would be left
 PIECE = np.deg2rad(30.0)  # greatest interval of heading
 STRAIGHT = np.deg2rad(12.0)  # headings that differ by less are one
+PATIENCE = 3.0  # [s] after a first sequence that fails for a better one that passes
+LONGEST = 600.0  # [s] of one program where no deadline is given
 GAP = 0.05  # relative gap at which the program may stop: what comes of it is judged by others anyway
 
 
@@ -47,15 +49,27 @@ class _Program(Protocol):
     """What the planner asks of a formulation."""
 
     def solve(
-        self, settings: MixedIntegerSettings | None = None, *, stop: Callable[[], bool] | None = None
+        self,
+        settings: MixedIntegerSettings | None = None,
+        on_incumbent: Callable[[Progress, tuple[Stance, ...]], None] | None = None,
+        stop: Callable[[], bool] | None = None,
     ) -> ContactEstimate: ...
 
 
-FORMULATIONS: dict[str, Callable[[ContactQuery, FootstepOptions], _Program]] = {
-    "footsteps": FootstepProgram,
-    "contacts": ContactDynamicsProgram,
-    "gcs": ConvexSetGraph,
-}
+FORMULATIONS = ("footsteps", "contacts", "gcs")
+
+
+def _build(formulation: str, query: ContactQuery, options: FootstepOptions) -> _Program:
+    """The program of this name; its module is loaded now, since most queries are for the search."""
+    if formulation == "contacts":
+        from optimization.mixed_integer_dynamics import ContactDynamicsProgram
+
+        return ContactDynamicsProgram(query, options)
+    if formulation == "gcs":
+        from optimization.convex_set_graph import ConvexSetGraph
+
+        return ConvexSetGraph(query, options)
+    return FootstepProgram(query, options)
 
 
 @dataclass
@@ -88,12 +102,43 @@ class SolveNote:
     failed: tuple[str, ...] = field(default=())
 
 
+class _Trial:
+    """Incumbents put to the middle tier as they come, and when to stop for what is known already."""
+
+    def __init__(self, why_it_fails: Callable[[tuple[Stance, ...]], list[tuple[int, str]]], limits: Limits) -> None:
+        self._why_it_fails, self._limits = why_it_fails, limits
+        self._until = np.inf
+        self.passed: tuple[Stance, ...] | None = None
+        self.failed: tuple[tuple[Stance, ...], list[tuple[int, str]]] | None = None
+        self._cost = np.inf
+
+    def judge(self, progress: Progress, stances: tuple[Stance, ...]) -> None:
+        """Tests a sequence that is cheaper than those before; the cheapest that passes is kept."""
+        if progress.cost >= self._cost and self.passed is not None:
+            return
+        reasons = self._why_it_fails(stances)
+        now = time.perf_counter()
+        if reasons:
+            self.failed = (stances, reasons)
+            self._until = min(self._until, now + PATIENCE)
+            return
+        if self.passed is None:
+            self._until = now + (np.inf if self._limits.improve is None else self._limits.improve)
+        self.passed, self._cost = stances, progress.cost
+
+    def stop(self) -> bool:
+        """Whether the solver has had its time."""
+        asked = self._limits.stop is not None and self._limits.stop()
+        return asked or time.perf_counter() > self._until
+
+
 class MixedIntegerPlanner:
     """One query: a scene, a robot and a formulation; iterate over `plans`, as over `ContactPlanner.plans`.
 
     Attributes:
         start: the first stance.
         goal: with its height.
+        formulation: "footsteps", "contacts" or "gcs".
         setup_s: seconds to pack the terrain and set the robot down.
         search: counts of the last run of `plans`, None before.
         notes: every program that was solved.
@@ -107,6 +152,8 @@ class MixedIntegerPlanner:
         options: ContactPlannerOptions | None = None, model: TransitionModel | None = None, solver: str = "auto",
     ) -> None:  # fmt: skip
         began = time.perf_counter()
+        if formulation not in FORMULATIONS:
+            raise unknown_name("planner", formulation, FORMULATIONS)
         self.options, self.robot = options or ContactPlannerOptions(), robot
         packed = pack_terrain(scene.terrain)
         self.start: Stance = start_stance(scene, packed, robot)
@@ -115,7 +162,7 @@ class MixedIntegerPlanner:
         self.check = TransitionCheck(self.pool, robot, ik, packed, self.options.cone)
         reach = step_reach(robot, model or transition_model())
         self.query = ContactQuery(scene.terrain, robot, self.start, self.goal, reach, self.options.cone)
-        self._build, self._solver = FORMULATIONS[formulation], solver
+        self.formulation, self._solver = formulation, solver
         self._weights: PlannerWeights = self.options.weights
         self._numbers: dict[int, int] = {}
         self._failures: dict[str, int] = {}
@@ -153,7 +200,7 @@ class MixedIntegerPlanner:
                     + self._failure_text()
                 )
                 return
-            found = self._solve(min(left, 600.0), limits.stop)
+            found = self._solve(min(left, LONGEST), limits)
             search.expansions += 1
             if found is None:
                 continue
@@ -166,8 +213,11 @@ class MixedIntegerPlanner:
 
     def forbid(self, before: State, after: State) -> None:
         """Narrows the reach where a transition failed a later, stricter check, so that the next answer differs."""
+        narrowed = self.query.narrowed
         for state in (before, after):
             self._narrow(int(self.pool.surface[state[0]]), int(self.pool.surface[state[1]]))
+        if self.query.narrowed == narrowed and self._attempts:  # nothing is left to narrow: smaller steps
+            self._attempts = [*self._attempts[1:], *self._with_more(*self._attempts[0])]
 
     def why_not(self) -> str:
         """Why there is no plan, in one line."""
@@ -175,21 +225,21 @@ class MixedIntegerPlanner:
 
     # One program ------------------------------------------------------------------------------------------------
 
-    def _solve(self, seconds: float, stop: Callable[[], bool] | None) -> tuple[Stance, ...] | None:
+    def _solve(self, seconds: float, limits: Limits) -> tuple[Stance, ...] | None:
         """Solves the program in turn; a sequence whose transitions all pass, else None and something was learnt."""
         palms, count = self._attempts[0]
         options = FootstepOptions(
             count, first=self._first_foot(), palms=palms, headings=self._headings(), step=1.0, turn=0.3
         )
         settings = MixedIntegerSettings(self._solver, time_limit=seconds, gap=GAP)
-        estimate = self._build(self.query, options).solve(settings, stop=stop)
-        record = estimate.record
-        failed: tuple[str, ...] = ()
+        trial = _Trial(self.why_it_fails, limits)
+        estimate = _build(self.formulation, self.query, options).solve(
+            settings, on_incumbent=trial.judge, stop=trial.stop
+        )
         if estimate.feasible:
-            narrowed = self.query.narrowed
-            failed = self._test(estimate.stances)
-            if failed and self.query.narrowed == narrowed:  # nothing is left to narrow: smaller steps
-                self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
+            trial.judge(Progress(0.0, estimate.cost, -np.inf), estimate.stances)
+        record = estimate.record
+        failed = () if trial.passed else self._learn(trial.failed, palms, count)
         self.notes.append(
             SolveNote(
                 count, palms, record.solver if record else "", record.status if record else "infeasible",
@@ -197,33 +247,39 @@ class MixedIntegerPlanner:
                 record.gap if record else np.inf, record.peak_rss_mb if record else np.nan, failed,
             )
         )  # fmt: skip
-        if estimate.feasible:
-            return None if failed else estimate.stances
-        if estimate.limited:
-            self._why = estimate.reason
-            return None
+        if trial.passed or failed:
+            return trial.passed
         self._why = estimate.reason + self._failure_text()
-        self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
+        if not estimate.limited:
+            self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
         return None
+
+    def why_it_fails(self, stances: tuple[Stance, ...]) -> list[tuple[int, str]]:
+        """(k, reason) for every transition from stances[k] to the next that fails the middle tier."""
+        reasons = [self.check.transition(self._held(a), self._held(b)) for a, b in itertools.pairwise(stances)]
+        return [(k, reason) for k, reason in enumerate(reasons) if reason]
+
+    def _learn(
+        self, failed: tuple[tuple[Stance, ...], list[tuple[int, str]]] | None, palms: tuple[int, ...], count: int
+    ) -> tuple[str, ...]:
+        """Narrows the reach where the best sequence failed; smaller steps where nothing is left to narrow."""
+        if failed is None:
+            return ()
+        narrowed = self.query.narrowed
+        stances, reasons = failed
+        for k, reason in reasons:
+            self._failures[reason] = self._failures.get(reason, 0) + 1
+            for stance in stances[k : k + 2]:
+                self._narrow(stance.contacts[0].surface, stance.contacts[1].surface)
+        if self.query.narrowed == narrowed:
+            self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
+        return tuple(reason for _, reason in reasons)
 
     @staticmethod
     def _with_more(palms: tuple[int, ...], count: int) -> list[tuple[tuple[int, ...], int]]:
         """The attempt with more contacts, unless there would be too many."""
         more = count + MORE_CONTACTS * (1 + bool(palms))
         return [(palms, more)] if more <= MAX_CONTACTS else []
-
-    def _test(self, stances: tuple[Stance, ...]) -> tuple[str, ...]:
-        """The reasons for which transitions fail; the reach is narrowed where they do."""
-        failed = []
-        for before, after in zip(stances[:-1], stances[1:], strict=True):
-            reason = self.check.transition(self._held(before), self._held(after))
-            if not reason:
-                continue
-            failed.append(reason)
-            self._failures[reason] = self._failures.get(reason, 0) + 1
-            for stance in (before, after):
-                self._narrow(stance.contacts[0].surface, stance.contacts[1].surface)
-        return tuple(failed)
 
     def _narrow(self, left: int, right: int) -> None:
         share = SHRINK * self.query.narrowed.get((left, right), 1.0)
@@ -279,7 +335,7 @@ class MixedIntegerPlanner:
         return self._numbers[key]
 
     def _states(self, stances: tuple[Stance, ...]) -> tuple[State, ...]:
-        moved = [-1, *(changed_effector(a, b) for a, b in zip(stances[:-1], stances[1:], strict=True))]
+        moved = [-1, *(changed_effector(a, b) for a, b in itertools.pairwise(stances))]
         states: list[State] = []
         for stance, mover in zip(stances, moved, strict=True):
             a, b, c, d = self._held(stance)
@@ -289,7 +345,7 @@ class MixedIntegerPlanner:
     def _cost(self, stances: tuple[Stance, ...]) -> float:
         """The sequence's cost by the search's measure (3.2)."""
         total = 0.0
-        for before, after in zip(stances[:-1], stances[1:], strict=True):
+        for before, after in itertools.pairwise(stances):
             mover = changed_effector(before, after)
             old, new = before.contacts[mover], after.contacts[mover]
             total += self._weights.step

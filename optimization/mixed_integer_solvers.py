@@ -233,7 +233,7 @@ def _run(
     status = _status(ended, worker.killed, why, x)
     message = {
         FOUND: f"{backend.name}: {ended}",
-        LIMIT: f"{backend.name}: the time limit of {settings.time_limit:.3g} s fired"
+        LIMIT: f"{backend.name}: {'stopped' if worker.stopped else f'the time limit of {settings.time_limit:.3g} s fired'}"
         + ("" if x is not None else " before any answer was found"),
         INFEASIBLE: f"{backend.name}: infeasible",
         FAILED: f"{backend.name}: {why or f'ended as {ended!r} without an answer that holds'}",
@@ -289,7 +289,7 @@ class _Worker:
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self.killed = False
+        self.killed = self.stopped = False
         self.peak_rss_mb = self.cpu_time = float("nan")
         self._status: int | None = None
 
@@ -323,7 +323,8 @@ class _Worker:
             while len(buffer) >= 8 and len(buffer) >= 8 + (size := struct.unpack("<q", buffer[:8])[0]):
                 frame, buffer = buffer[8 : 8 + size], buffer[8 + size :]
                 yield pickle.loads(frame)
-            if time.perf_counter() > limit or (stop is not None and stop()):
+            self.stopped = stop is not None and stop()
+            if self.stopped or time.perf_counter() > limit:
                 self.killed = True
                 self._process.kill()
                 break
