@@ -51,7 +51,7 @@ class DeformOptions:
         per_phase: configurations of each phase in the strip, 1 to 10.
         furthest: distance (eq. 4.4) beyond which a region is no place for a contact [m].
         repairs: times that a place at which strip or motion breaks is barred and the plan deformed again.
-        deadline: of regions and strips together, after which no further repair is begun [s].
+        deadline: processor time of regions and strips together, after which no further repair is begun [s].
         motion: whether dynamics and motion are made anew and verified; False ends with the contacts.
         progress: told what is going on.
     """

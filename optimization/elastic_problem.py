@@ -95,7 +95,7 @@ class StripOptions:
     Attributes:
         cone: friction cone by name.
         max_iterations: convex programs at most.
-        time_limit: after which no further one is begun [s].
+        time_limit: processor time after which no further one is begun [s]; wall time on a machine that is not busy.
         trust: greatest change of a joint or the base in one iteration [rad, m].
         trust_contact: greatest change of a contact's place in one iteration [m].
         turn: how far a foot contact may turn about its normal, in all [rad].
@@ -174,8 +174,8 @@ class StripIteration:
         cost: of the convex program.
         step: greatest change of any unknown [rad, m].
         solver: that was used.
-        solve_time: in the solver [s].
-        time: since the start [s].
+        solve_time: wall time in the solver [s].
+        time: processor time since the start [s].
     """
 
     contact: float

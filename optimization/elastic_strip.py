@@ -17,6 +17,7 @@ import numpy as np
 from pydrake.solvers import Binding, MathematicalProgram
 
 from optimization.body_capsules import BodyCapsules
+from optimization.elastic_balance import BalancePolygons, edge_rows
 from optimization.elastic_check import (
     Violations,
     contact_heading,
@@ -27,19 +28,17 @@ from optimization.elastic_check import (
 )
 from optimization.elastic_problem import StripEstimate, StripIteration, StripOptions, StripProblem
 from optimization.elastic_rows import linearise, make_strip_rows
-from optimization.friction import cone_generators
 from optimization.kinematic_tree import difference, integrate
 from optimization.kinematics import Kinematics
 from optimization.solvers import ConvexSolver, SolverSettings
-from optimization.static_equilibrium import com_polygon, polygon_margin
+from optimization.static_equilibrium import polygon_margin
 from scenes.effector import is_foot
 from scenes.packed_terrain import PackedTerrain
 from scenes.robot import Robot
 
 LEVER = 0.3  # [m] an angle of 1 rad counts as this distance
 SIDES = 12  # of the polygon that stands for a circle
-MAX_CORNERS = 24  # of a balance polygon
-NARROW = 0.4  # share of the way from the edge of a narrow polygon to its centroid that stands for the margin
+TAKE_OFF = 0.25  # share of a swing at either end in which what is in the air may be near the terrain
 AIR_WEIGHT = 30.0  # [1/m^2] of the course of an end effector in the air; far below that of contacts
 ROUND = 1.0  # [1/m^2] quadratic part of the penalties, which makes the answer unique
 LEAST_TRUST = 0.04  # [rad, m]
@@ -110,14 +109,15 @@ class ElasticStrip:
         self._regions = tuple(r.where(r.surface == s) for r, s in zip(problem.regions, self._surface, strict=True))
         self._home = np.array([c.X_WC for c in problem.contacts]).reshape(-1, 4, 4)
         self._planned = np.array([c.X_WC for c in problem.planned]).reshape(-1, 4, 4)
-        self._generators = [cone_generators(self.options.cone, c.friction) for c in problem.contacts]
+        self._polygons = BalancePolygons(robot, problem.contacts, self.options.cone)
         link_of = {int(link): e for e, link in enumerate(self.tree.frame_link[:4])}
         self._effector_of = np.array([link_of.get(int(link), -1) for link in capsules.link], np.int64)
-        self._air = problem.swing.max(axis=2) >= 0
-        self._air &= ((problem.share > 0.25) & (problem.share < 0.75))[:, None]
+        swings = problem.swing.max(axis=2) >= 0
+        middle = (problem.share > TAKE_OFF) & (problem.share < 1.0 - TAKE_OFF)
+        self._air = (problem.held < 0) & (middle[:, None] | ~swings)
+        self._on_course = self._air & swings
         self._rows = make_strip_rows(self._num, 4, self._nv)
         self._planned_pose = np.array([kinematics.effector_poses(q)[:4] for q in problem.q])
-        self._polygons: dict[tuple[int, ...], np.ndarray] = {}
         self.prog = MathematicalProgram()
         self._add_variables()
         self._add_internal_forces()
@@ -254,32 +254,12 @@ class ElasticStrip:
         options = self.options
         linearise(self.tree, self._capsules, self._packed, self._effector_of, state.q, self._air,
                   options.limb_clearance, options.air_clearance, self._rows)  # fmt: skip
-        self._polygons = {}
-        depth = np.array([self._balance_depth(n, state) for n in range(self._num)])
+        self._polygons.move(state.X_WC)
+        depth = np.full(self._num, np.inf)
+        for n in np.flatnonzero((self.problem.support >= 0).any(axis=1)):
+            polygon = self._polygons(self.problem.support[n])
+            depth[n] = polygon_margin(polygon, len(polygon), self._rows.com[n, 0], self._rows.com[n, 1])
         return find_violations(self.problem, self.tree, self._rows, state.q, state.X_WC, depth)
-
-    def _balance_depth(self, n: int, state: _State) -> float:
-        """How far the CoM is inside what configuration n can balance [m]; infinite where nothing is asked."""
-        held = tuple(self.problem.support[n][self.problem.support[n] >= 0].tolist())
-        if not held:
-            return np.inf
-        polygon = self._polygon(held, state)
-        return polygon_margin(polygon, len(polygon), self._rows.com[n, 0], self._rows.com[n, 1])
-
-    def _polygon(self, held: tuple[int, ...], state: _State) -> np.ndarray:
-        """(V, 2) balance polygon of contacts as they are now [m], counter-clockwise."""
-        if held not in self._polygons:
-            index, contacts = list(held), [self.problem.contacts[c] for c in held]
-            effectors = [self.robot.effectors[i].name for i in range(4)]
-            which = [effectors.index(c.effector) for c in contacts]
-            corners = np.empty((MAX_CORNERS, 2))
-            count = com_polygon(
-                np.ascontiguousarray(state.X_WC[index, :3, 3]), np.ascontiguousarray(state.X_WC[index, :3, :3]),
-                self.robot.half_extents[which], np.array([self._generators[c] for c in held]),
-                self.robot.force_limit[which], corners,
-            )  # fmt: skip
-            self._polygons[held] = corners[: max(count, 0)].copy()
-        return self._polygons[held]
 
     def _update(self, state: _State, trust: float) -> None:
         """Writes the coefficients of the program about a state, whose rows `_look` has left."""
@@ -292,7 +272,7 @@ class ElasticStrip:
             cost.evaluator().UpdateCoefficients(Q, Q @ ends)
         self._update_tracking(state, u)
         self._update_limits(state, trust)
-        self._update_balance(state)
+        self._update_balance()
         self._update_clearance()
         self._update_contacts(state)
 
@@ -306,7 +286,7 @@ class ElasticStrip:
             g[:nv] = 2.0 * self.options.memory * u[n]
             for e in range(4):
                 c = self.problem.held[n, e]
-                if c < 0 and not self._air[n, e]:
+                if c < 0 and not self._on_course[n, e]:
                     continue
                 A = np.zeros((6, size))
                 A[:, :nv] = rows.J_E[n, e]
@@ -345,12 +325,10 @@ class ElasticStrip:
         self._bounds.evaluator().UpdateLowerBound(lower.ravel())
         self._bounds.evaluator().UpdateUpperBound(upper.ravel())
 
-    def _update_balance(self, state: _State) -> None:
+    def _update_balance(self) -> None:
         """a . (com + J dq) <= b - margin + slack for the edges of what carries; nothing where that is no polygon."""
         for n, binding in enumerate(self._balance):
-            held = tuple(self.problem.support[n][self.problem.support[n] >= 0].tolist())
-            polygon = self._polygon(held, state) if held else np.zeros((0, 2))
-            A, bound = edge_rows(polygon, self.options.margin)
+            A, bound = edge_rows(self._polygons(self.problem.support[n]), self.options.margin)
             room = bound - A @ self._rows.com[n, :2]
             rows = np.zeros((len(A) + 1, self._nv + 1))
             rows[:-1, :-1], rows[:, -1] = -A @ self._rows.J_com[n], 1.0
@@ -417,17 +395,3 @@ class ElasticStrip:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
         reason = f"the strip breaks: {faults[0]}{more}" if faults else ""
         return StripEstimate(not faults, reason, state.q, contacts, faults, iterations, ended_by)
-
-
-def edge_rows(polygon: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Unit outward normals (V, 2) and bounds (V,) of a polygon (V, 2), CCW, drawn in by the margin or less [m].
-
-    A polygon narrower than twice the margin keeps a share of the way from its nearest edge to its centroid.
-    """
-    if len(polygon) < 3:
-        return np.zeros((0, 2)), np.zeros(0)
-    edge = np.roll(polygon, -1, axis=0) - polygon
-    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.maximum(np.linalg.norm(edge, axis=1), 1e-12)[:, None]
-    bound = (normal * polygon).sum(axis=1)
-    inside = bound - normal @ polygon.mean(axis=0)
-    return normal, bound - min(margin, NARROW * float(inside.min()))

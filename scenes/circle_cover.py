@@ -66,8 +66,8 @@ def cover_free_space(
     if not (high[0] >= low[0] and high[1] >= low[1]):
         return np.zeros((0, 3))
     spacing = coarsest
-    nx = max(int(np.ceil((high[0] - low[0]) / spacing)), 1)
-    ny = max(int(np.ceil((high[1] - low[1]) / spacing)), 1)
+    nx = max(int(np.ceil((high[0] - low[0]) / spacing)), 1) | 1  # odd: the middle is sampled, where circles are largest
+    ny = max(int(np.ceil((high[1] - low[1]) / spacing)), 1) | 1
     cells = np.empty((nx * ny, 2))
     for i in range(nx):
         for j in range(ny):

@@ -263,7 +263,7 @@ def _slab(polygon: np.ndarray, X_WS: np.ndarray, height: float) -> np.ndarray:
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
     """(m, 2) corners of the convex hull, counter-clockwise; two for a segment, one for a point (Andrew 1979)."""
-    order = points[np.lexsort((points[:, 1], points[:, 0]))]
+    order = np.unique(points, axis=0)
     chains = []
     for run in (order, order[::-1]):
         chain: list[np.ndarray] = []
@@ -272,8 +272,7 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
                 chain.pop()
             chain.append(p)
         chains.append(chain[:-1])
-    hull = np.array([*chains[0], *chains[1]])
-    return hull if len(hull) else order[:1]
+    return np.array([*chains[0], *chains[1]]) if len(order) > 1 else order
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
