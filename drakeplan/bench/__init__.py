@@ -13,6 +13,7 @@ BENCHES = {
     "deform": "plans deformed to surfaces moved by up to 10 cm and 15 deg, beside planning again",
     "surrogate": "learned centroidal dynamics: errors on scenes held out (Lin 2020 fig. 6.10) and time a transition",
     "centroidal": "centroidal labels per second, agreement with an interior point, whole sequences, crocoddyl",
+    "capture": "zero- and one-step capture: acceptance, time, agreement with the linear inverted pendulum",
     "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
     "lin2019": "the experiments of Lin et al. 2019 with learned dynamics: success, robustness, times, prediction",
 }
