@@ -168,7 +168,7 @@ def solve_mixed_integer(
         stop: polled about ten times a second; True ends the solve as the time limit does.
 
     Raises:
-        InputError: the data holds a NaN, or the solver asked for by name cannot be used here.
+        InputError: the data holds a NaN, or no solver, or not the one asked for by name, can be used here.
         ValueError: the program holds a term that no mixed-integer solver here takes.
     """
     settings = settings or MixedIntegerSettings()
@@ -177,15 +177,19 @@ def solve_mixed_integer(
         raise InputError(f"mixed-integer program: the data of {bad!r} is not finite")
     notes: list[str] = []
     deadline = time.perf_counter() + settings.time_limit
-    record = None
+    best = None
     for backend in _usable(settings, notes):
         left = max(deadline - time.perf_counter(), 0.0)
         record = _run(backend, data, replace(settings, time_limit=left), on_progress, stop)
+        notes.append(record.message)
+        # What a solver found before it crashed counts where those after it find nothing cheaper.
+        if best is None or record.cost < best.cost or (record.status != FAILED and best.x is None):
+            best = record
         if record.status != FAILED:
             break
-        notes.append(record.message)
-    assert record is not None  # the last backend needs nothing
-    return replace(record, message="; ".join(dict.fromkeys([*notes, record.message])))
+    if best is None:
+        raise InputError(f"mixed-integer program: no solver can be used here: {'; '.join(notes)}")
+    return replace(best, message="; ".join(dict.fromkeys(notes)))
 
 
 def _usable(settings: MixedIntegerSettings, notes: list[str]) -> Iterator[Backend]:
@@ -226,7 +230,7 @@ def _run(
                 ended = frame[2]
             else:
                 error = f"{frame[2]}: {frame[3]}"
-    why = error or ("" if ended or worker.killed else worker.obituary())
+        why = error or ("" if ended or worker.killed else worker.obituary())
     x, cost, worst, name = _judge(data, best, settings.accept)
     first = next((p.time for p in history if np.isfinite(p.cost)), np.nan)
     bound = max((p.bound for p in history if np.isfinite(p.bound)), default=-np.inf)
