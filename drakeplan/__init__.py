@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from drakeplan.plan import Plan
     from drakeplan.plan_file import inspect_plan, read_plan, write_plan
-    from drakeplan.planning import PlanOptions, PlanResult, plan_scene
+    from drakeplan.plan_options import PlanOptions
+    from drakeplan.planning import PlanResult, plan_scene
     from drakeplan.playback import show_plan, write_page
     from drakeplan.verifier import Report, verify
     from scenes.input_error import InputError
@@ -57,7 +58,8 @@ __all__ = [
 _HOMES = {
     "drakeplan.plan": ("Plan",),
     "drakeplan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
-    "drakeplan.planning": ("PlanOptions", "PlanResult", "plan_scene"),
+    "drakeplan.plan_options": ("PlanOptions",),
+    "drakeplan.planning": ("PlanResult", "plan_scene"),
     "drakeplan.playback": ("show_plan", "write_page"),
     "drakeplan.verifier": ("Report", "verify"),
     "scenes.input_error": ("InputError",),

@@ -15,9 +15,9 @@ from drakeplan.dynamic_domain import DynamicDomain, DynamicWeights
 from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.search.ana_star import AnaStar, Limits
 from drakeplan.start_stance import check_goal, start_stance
+from drakeplan.timing import Timing
 from drakeplan.transition_check import TransitionCheck
 from learning.surrogate import DynamicsSurrogate, load_surrogate
-from optimization.transition_dynamics import transition_options
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
 from scenes.robot import Robot
@@ -42,6 +42,7 @@ class ContactPlannerOptions:
         use_palms: whether palms may be used at all.
         dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
             centroidal program ("exact"), or for what has learned it ("learned").
+        timing: of every transition, where its dynamics are asked for.
         surrogate: for "learned"; None: the one that comes with drakeplan.
         ask_when_far: whether the exact program answers for transitions that are far from what was learned.
         dynamic_weights: of the edge cost (6.6), where transitions are judged by their dynamics.
@@ -54,6 +55,7 @@ class ContactPlannerOptions:
     seed: int = 0
     use_palms: bool = True
     dynamics: DynamicsName = "quasi-static"
+    timing: Timing = field(default_factory=Timing)
     surrogate: DynamicsSurrogate | None = None
     ask_when_far: bool = True
     dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
@@ -168,7 +170,7 @@ class ContactPlanner:
         return f"search exhausted after {search.expansions} expansions; candidates rejected by: {counts or 'nothing'}"
 
     def _evaluator(self, robot: Robot) -> DynamicsEvaluator:
-        exact = ExactDynamics(self.pool, robot, transition_options(robot, self.options.cone))
+        exact = ExactDynamics(self.pool, robot, self.options.timing.options(robot, self.options.cone))
         if self.options.dynamics == "exact":
             return exact
         surrogate = load_surrogate(robot) if self.options.surrogate is None else self.options.surrogate

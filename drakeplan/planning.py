@@ -4,79 +4,39 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.mixed_integer_planner import MixedIntegerPlanner
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
-from drakeplan.plan import Plan, PlanCentroidal, PlanMotion, PlanPhases, tabulate_stances
+from drakeplan.plan import Plan, tabulate_stances
+from drakeplan.plan_assembly import assemble_plan
 from drakeplan.plan_file import write_plan
+from drakeplan.plan_options import PlanOptions, check_options, with_options
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query_record import QueryRecord, SearchClock
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics
 from drakeplan.verifier import Report, verify
 from drakeplan.warm_up import warm_up
+from learning.surrogate import load_surrogate
+from learning.weights import NoWeightsError
+from optimization.friction import DEFAULT_CONE
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.input_error import InputError, unknown_name
 from scenes.robot import Robot
-from scenes.scene import Goal, Scene, Start
-from scenes.scene_file import scene_to_yaml
+from scenes.scene import Scene
 from scenes.transition_model import transition_model
 
-PLANNERS = ("search",)
-DYNAMICS = ("quasi-static", "exact")
+Status = Literal["complete", "contacts", "none"]
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
-
-
-@dataclass(frozen=True)
-class PlanOptions:
-    """What a user may choose about a query. Angles in radians, lengths in metres, times in seconds.
-
-    Attributes:
-        seed: of every random choice.
-        start: (x, y) or (x, y, yaw) that replaces the scene's.
-        goal: the same for the goal.
-        goal_radius: replaces the goal's.
-        friction: replaces every friction in the scene.
-        cone: friction cone by name.
-        planner: by name.
-        dynamics: what every transition must satisfy: "quasi-static" balance, or the centroidal program ("exact").
-        heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
-        transition_model: name of the foot transition model, None for the scene's or the usual one.
-        deadline: limits the search alone.
-        improve: the search stops this long after the first plan; without effect when `expansions` is given.
-        expansions: nodes expanded at most; unlike times it makes runs repeatable.
-        stop: polled by the search; True ends it and keeps the incumbent.
-        command: recorded in the plan's provenance.
-    """
-
-    seed: int = 0
-    start: tuple[float, ...] | None = None
-    goal: tuple[float, ...] | None = None
-    goal_radius: float | None = None
-    friction: float | None = None
-    cone: str = "inner"
-    planner: str = "search"
-    dynamics: str = "quasi-static"
-    heuristic: Literal["grid", "euclidean", "admissible"] = "grid"
-    transition_model: str | None = None
-    use_palms: bool = True
-    deadline: float = 30.0
-    improve: float = 1.0
-    expansions: int | None = None
-    stop: Callable[[], bool] | None = None
-    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,13 +49,15 @@ class PlanResult:
         plan: None when there is none.
         report: numbers for people and programs, as JSON allows.
         verification: the verifier's report on the complete plan, else None.
+        notes: what was done otherwise than asked, one line each.
     """
 
-    status: Literal["complete", "contacts", "none"]
+    status: Status
     reason: str
     plan: Plan | None
     report: dict[str, object]
     verification: Report | None = None
+    notes: tuple[str, ...] = ()
 
 
 def plan_scene(
@@ -114,7 +76,7 @@ def plan_scene(
     """
     options = options or PlanOptions()
     tell = progress or (lambda event: None)
-    _check_options(options)
+    check_options(options)
     scene = with_options(scene, options)
     record = QueryRecord()
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
@@ -122,20 +84,7 @@ def plan_scene(
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
         warm_up(robot, ik)
         _WARM.add(robot.model_sha256)
-    search_options = ContactPlannerOptions(
-        cone=options.cone,
-        heuristic=options.heuristic,
-        seed=options.seed,
-        use_palms=options.use_palms,
-        dynamics=options.dynamics,
-    )
-    planner = ContactPlanner(
-        scene,
-        robot,
-        ik,
-        search_options,
-        transition_model(options.transition_model or scene.transition_model or "experiments"),
-    )
+    planner = _planner(scene, robot, ik, options, record)
     scene = _set_down(scene, planner)
     reason = planner.start_problem()
     if reason:
@@ -143,11 +92,46 @@ def plan_scene(
     return _Query(scene, robot, options, planner, ik, record, tell).run()
 
 
+def _planner(
+    scene: Scene, robot: Robot, ik: WholeBodyIK, options: PlanOptions, record: QueryRecord
+) -> ContactPlanner | MixedIntegerPlanner:
+    """Whoever is to find the contacts; a robot without weights gets the exact dynamics, and that is noted."""
+    model = transition_model(options.transition_model or scene.transition_model or "experiments")
+    search = ContactPlannerOptions(
+        cone=options.cone,
+        heuristic=options.heuristic,
+        seed=options.seed,
+        use_palms=options.use_palms,
+        timing=options.timing,
+    )
+    if options.planner != "search":
+        return MixedIntegerPlanner(scene, robot, ik, options.planner, search, model)
+    if options.dynamics == "quasi-static":
+        return ContactPlanner(scene, robot, ik, search, model)
+    if options.dynamics == "learned":
+        why = _not_learned(robot, options)
+        if not why:
+            return ContactPlanner(scene, robot, ik, dataclasses.replace(search, dynamics="learned"), model)
+        record.notes.append(f"{why}: exact dynamics instead")
+    return ContactPlanner(scene, robot, ik, dataclasses.replace(search, dynamics="exact"), model)
+
+
+def _not_learned(robot: Robot, options: PlanOptions) -> str:
+    """Why learned dynamics do not fit this query, "" if they do."""
+    if not options.timing.documented:
+        return "dynamics are learned for transitions of 1 s and 1 s"
+    try:
+        learned = load_surrogate(robot).card.get("cone", DEFAULT_CONE)
+    except NoWeightsError as error:
+        return str(error).split(":")[0]
+    return "" if options.cone == learned else f"dynamics are learned for the friction cone {learned!r}"
+
+
 class _Query:
     """The rounds of search and motion of one query."""
 
     def __init__(
-        self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner, ik: WholeBodyIK,
+        self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner | MixedIntegerPlanner, ik: WholeBodyIK,
         record: QueryRecord,
         tell: Progress,
     ) -> None:  # fmt: skip
@@ -155,7 +139,11 @@ class _Query:
         self.planner, self.record, self.tell = planner, record, tell
         self.clock = SearchClock()
         self._fell_apart = ""  # why the last contact sequence is dynamically infeasible as a whole
-        self.motion = MotionMaker(robot, scene.terrain, MotionOptions(cone=options.cone), ik=ik)
+        timing = options.timing
+        wanted = MotionOptions(
+            cone=options.cone, dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing
+        )
+        self.motion = MotionMaker(robot, scene.terrain, wanted, ik=ik)
 
     def run(self) -> PlanResult:
         refused: tuple[str, ContactPlan, Report | None] | None = None
@@ -206,11 +194,11 @@ class _Query:
             if self.record.time_to_first_s is None:
                 self.record.time_to_first_s = plan.elapsed
             self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self.clock() - began))
-            if self.options.dynamics == "quasi-static" or self._holds_together(plan):
+            if plan.predicted_com is None or self._holds_together(plan):
                 found.append(plan)
         self.record.planning_s += self.clock() - began
         search = self.planner.search
-        if self.planner.dynamic is not None:
+        if isinstance(self.planner, ContactPlanner) and self.planner.dynamic is not None:
             self.record.transitions_judged = dict(self.planner.dynamic.evaluator.asked)
         if search is not None:
             self.record.expansions += search.expansions
@@ -222,7 +210,7 @@ class _Query:
         """Whether transitions that are feasible one by one are so in a row (Lin et al. 2019 sec. VI)."""
         self.clock.pause()
         began = time.perf_counter()
-        estimate = sequence_dynamics(self.robot, plan.stances, self.options.cone)
+        estimate = sequence_dynamics(self.robot, plan.stances, self.options.cone, self.options.timing)
         self.record.sequences_tested += 1
         self.record.dynamics_s += time.perf_counter() - began
         if estimate.feasible and self.record.time_to_first_feasible_s is None:
@@ -269,55 +257,20 @@ class _Query:
         return bool(at)
 
     def _assemble(self, best: ContactPlan, motion: MotionResult | None) -> Plan:
-        contacts, stances = tabulate_stances(best.stances)
-        phases = centroidal = whole_body = None
-        if motion is not None:
-            schedule, c = motion.schedule, motion.centroidal
-            phases = PlanPhases(
-                schedule.boundaries[:-1], schedule.boundaries[1:], [p.contacts for p in schedule.phases]
-            )
-            centroidal = PlanCentroidal(
-                c.t, c.com, c.linear_momentum, c.angular_momentum, c.contact, c.force_W, c.cop_C, c.torque_n
-            )
-            names = motion.position_names, motion.velocity_names
-            whole_body = PlanMotion(motion.t, motion.q, motion.v, *names)
-        return Plan(
-            robot=self.robot.name,
-            robot_model=str(self.robot.model),
-            robot_model_sha256=self.robot.model_sha256,
-            mass=self.robot.mass,
-            friction_cone=self.options.cone,
-            scene_name=self.scene.name,
-            scene_yaml=scene_to_yaml(self._scene_as_planned(best), meshes_as_surfaces=True),
-            triangles=self.scene.terrain.triangles,
-            half_extent=np.array([e.half_extent for e in self.robot.effectors]),
-            contacts=contacts,
-            stances=stances,
-            phases=phases,
-            centroidal=centroidal,
-            motion=whole_body,
-            provenance=self._provenance(),
-        )
-
-    def _scene_as_planned(self, best: ContactPlan) -> Scene:
-        """The scene with a start on the ground: `--start X Y` leaves the height open, which no scene file can say."""
-        start = self.scene.start
-        if start is None or np.isfinite(start.xyz[2]):
-            return self.scene
-        height = float(best.stances[0].feet_mean()[2])
-        return dataclasses.replace(self.scene, start=dataclasses.replace(start, xyz=(*start.xyz[:2], height)))
-
-    def _provenance(self) -> dict[str, object]:
-        packages = ("drakeplan", "drake", "numpy", "numba", "scipy")
-        return {
-            "versions": {name: version(name) for name in packages} | {"python": sys.version.split()[0]},
+        facts = {
             "seed": self.options.seed,
             "command": self.options.command,
+            "planner": self.options.planner,
+            "dynamics": self.options.dynamics,
             "limits_fired": list(self.record.limits_fired),
             "expansions": self.record.expansions,
             "cost": self.record.cost,
             "bound": self.record.bound,
         }
+        if best.predicted_com is not None:
+            facts["predicted_com"] = best.predicted_com.tolist()
+        cone = self.options.cone
+        return assemble_plan(self.scene, self.robot, best.stances, motion, cone=cone, provenance=facts)
 
     def _verify(self, plan: Plan) -> Report:
         self.tell(ProgressEvent("verify", "", self.record.cost, self.record.bound))
@@ -329,48 +282,14 @@ class _Query:
         self.record.verification_s += time.perf_counter() - began
         return report
 
-    def _result(self, status: str, reason: str, plan: Plan | None, verification: Report | None) -> PlanResult:
+    def _result(self, status: Status, reason: str, plan: Plan | None, verification: Report | None) -> PlanResult:
         report = json.loads(json.dumps(self.record.as_dict(status, reason, verification)))
-        return PlanResult(status, reason, plan, report, verification)
+        return PlanResult(status, reason, plan, report, verification, tuple(self.record.notes))
 
 
-def _set_down(scene: Scene, planner: ContactPlanner) -> Scene:
+def _set_down(scene: Scene, planner: ContactPlanner | MixedIntegerPlanner) -> Scene:
     """The scene with start and goal at the height of the ground that they were set down on."""
     start = scene.start
     if start is not None and not start.stance:
         start = dataclasses.replace(start, xyz=(start.xyz[0], start.xyz[1], float(planner.start.feet_mean()[2])))
     return dataclasses.replace(scene, start=start, goal=planner.goal)
-
-
-def with_options(scene: Scene, options: PlanOptions) -> Scene:
-    """The scene with the start, goal and friction that the options ask for."""
-    start, goal, terrain = scene.start, scene.goal, scene.terrain
-    if options.start is not None:
-        yaw = options.start[2] if len(options.start) > 2 else 0.0
-        start = Start((options.start[0], options.start[1], float("nan")), yaw)  # the ground says how high
-    radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
-    if options.goal is not None:
-        goal = Goal(
-            (options.goal[0], options.goal[1], float("nan")), radius, options.goal[2] if len(options.goal) > 2 else None
-        )
-    elif goal is not None:
-        goal = dataclasses.replace(goal, radius=radius)
-    if options.friction is not None:
-        surfaces = tuple(dataclasses.replace(s, friction=options.friction) for s in terrain.surfaces)
-        terrain = dataclasses.replace(terrain, surfaces=surfaces)
-    return dataclasses.replace(scene, start=start, goal=goal, terrain=terrain)
-
-
-def _check_options(options: PlanOptions) -> None:
-    if options.planner not in PLANNERS:
-        raise unknown_name("planner", options.planner, PLANNERS)
-    if options.dynamics not in DYNAMICS:
-        raise unknown_name("dynamics", options.dynamics, DYNAMICS)
-    for key in ("deadline", "improve", "friction", "goal_radius"):
-        value = getattr(options, key)
-        if value is not None and not (np.isfinite(value) and value >= 0):
-            raise InputError(f"--{key.replace('_', '-')}: expected a finite number >= 0, got {value}")
-    for key in ("start", "goal"):
-        value = getattr(options, key)
-        if value is not None and not (len(value) in (2, 3) and np.isfinite(value).all()):
-            raise InputError(f"--{key}: expected X Y or X Y YAW, finite numbers, got {value}")

@@ -47,6 +47,7 @@ class QueryRecord:
         planning_s, dynamics_s, motion_s, verification_s: where the time went.
         repairs: times that a refused transition was barred and the search resumed.
         limits_fired: by name.
+        notes: what was done otherwise than asked, one line each.
     """
 
     began: float = field(default_factory=time.perf_counter)
@@ -66,6 +67,7 @@ class QueryRecord:
     verification_s: float = 0.0
     repairs: int = 0
     limits_fired: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def as_dict(self, status: str, reason: str, verification: Report | None) -> dict[str, object]:
         """The report: these numbers with status, reason and the verifier's word."""

@@ -7,17 +7,18 @@ over all contacts, from rest to rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from drakeplan.timing import Timing
 from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.contact_schedule import ContactSchedule
-from optimization.transition_dynamics import transition_options
 from scenes.robot import Robot
 from scenes.stance import Stance
+
+REST = 1.0  # [s] on the last stance
 
 
 def standing_com(robot: Robot, stance: Stance) -> np.ndarray:
@@ -25,11 +26,11 @@ def standing_com(robot: Robot, stance: Stance) -> np.ndarray:
     return stance.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
 
 
-def sequence_problem(robot: Robot, stances: Sequence[Stance], cone: str) -> CentroidalProblem:
-    """The centroidal problem of a contact sequence with the documents' timing, from rest."""
-    options = transition_options(robot, cone)
+def sequence_problem(robot: Robot, stances: Sequence[Stance], timing: Timing | None = None) -> CentroidalProblem:
+    """The centroidal problem of a contact sequence, from rest; a second at the end to come to rest again."""
+    timing = timing or Timing()
     schedule = ContactSchedule.from_stances(
-        stances, dt=options.dt, shift_time=options.shift_time, swing_time=options.swing_time
+        stances, dt=timing.step or 0.2, shift_time=timing.shift, swing_time=timing.swing, settle_time=REST
     )
     return CentroidalProblem(
         schedule=schedule,
@@ -39,13 +40,17 @@ def sequence_problem(robot: Robot, stances: Sequence[Stance], cone: str) -> Cent
     )
 
 
-def sequence_dynamics(robot: Robot, stances: Sequence[Stance], cone: str) -> CentroidalEstimate:
+def sequence_dynamics(
+    robot: Robot, stances: Sequence[Stance], cone: str, timing: Timing | None = None
+) -> CentroidalEstimate:
     """The least-effort dynamics of a contact sequence, from rest to rest (Lin 2020 sec. 6.3).
 
     Args:
         robot: mass, patches and limits.
         stances: consecutive ones differ in one end effector.
         cone: friction cone by name.
+        timing: of every transition, by default the documents'.
     """
-    options = replace(transition_options(robot, cone), rest_at_end=True)
-    return CentroidalProgram(sequence_problem(robot, stances, cone), options).solve()
+    timing = timing or Timing()
+    options = timing.options(robot, cone, rest_at_end=True)
+    return CentroidalProgram(sequence_problem(robot, stances, timing), options).solve()

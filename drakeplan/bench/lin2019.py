@@ -101,7 +101,7 @@ def _results(robot: Robot, studies: list[Study]) -> BenchTable:
             continue
         proven, found = study.proven, sum(bool(r.plans) for r in study.results)
         cases = [
-            (sequence_problem(robot, r.chosen.stances, "inner").schedule, r.estimate.trajectory)
+            (sequence_problem(robot, r.chosen.stances).schedule, r.estimate.trajectory)
             for r in proven
             if r.chosen is not None and r.estimate is not None and r.estimate.trajectory is not None
         ]

@@ -7,7 +7,8 @@ from collections import Counter
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.planning import PlanOptions, plan_scene
+from drakeplan.plan_options import PlanOptions
+from drakeplan.planning import plan_scene
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError

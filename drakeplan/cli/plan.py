@@ -20,7 +20,8 @@ import tyro
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
-    from drakeplan.planning import PlanOptions, PlanResult
+    from drakeplan.plan_options import PlanOptions
+    from drakeplan.planning import PlanResult
     from scenes.scene import Scene
 
 ABOUT = """Plans how a robot crosses a scene with its feet and palms, and has the plan verified.
@@ -60,10 +61,15 @@ class Arguments:
     """replaces every friction coefficient in the scene"""
     cone: Literal["inner", "square", "second_order", "diamond"] = "inner"
     """friction cone; diamond admits what real friction does not and is for comparison only"""
-    planner: Literal["search"] = "search"
-    """what finds the contacts"""
-    dynamics: Literal["quasi-static", "exact"] = "quasi-static"
+    planner: Literal["search", "footsteps", "contacts", "gcs"] = "search"
+    """what finds the contacts: our search, mixed-integer programs of footsteps or of contacts with momentum, or a
+    graph of convex sets"""
+    dynamics: Literal["quasi-static", "exact", "learned"] = "quasi-static"
     """what the search asks whether a transition is possible"""
+    shift: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
+    """seconds to shift the weight before every transition"""
+    swing: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
+    """seconds to move an end effector"""
     transition_model: Literal["experiments", "training", "planning", "long_stride"] | None = None
     """foot steps to choose from; by default the scene's, else experiments"""
     deadline: float = 30.0
@@ -106,6 +112,8 @@ def run(arguments: Arguments) -> int:
     with _interruptible() as interrupted:
         options = _options(arguments, interrupted)
         result = plan_scene(scene, robot, options, ProgressPrinter(sys.stderr))
+    for note in result.notes:
+        print(f"note: {note}", file=sys.stderr)
     files = _write(arguments, result)
     complete = result.status == "complete"
     report = {
@@ -113,7 +121,7 @@ def run(arguments: Arguments) -> int:
         "scene": scene.name,
         "robot": robot.name,
         "seed": arguments.seed,
-        "notes": list(scene.notes),
+        "notes": [*scene.notes, *result.notes],
         "total_s": seconds_since_process_start(),
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "files": files,
@@ -157,9 +165,10 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
 
 
 def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
-    from drakeplan.planning import PlanOptions
+    from drakeplan.plan_options import PlanOptions, check_options
+    from drakeplan.timing import Timing
 
-    return PlanOptions(
+    options = PlanOptions(
         seed=arguments.seed,
         start=_in_radians(arguments.start),
         goal=_in_radians(arguments.goal),
@@ -168,6 +177,7 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         cone=arguments.cone,
         planner=arguments.planner,
         dynamics=arguments.dynamics,
+        timing=Timing(arguments.shift, arguments.swing),
         transition_model=arguments.transition_model,
         deadline=arguments.deadline,
         improve=arguments.improve,
@@ -175,6 +185,8 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         stop=interrupted,
         command=shlex.join(["drakeplan", *sys.argv[1:]]),
     )
+    check_options(options)
+    return options
 
 
 def _in_radians(place: Sequence[float]) -> tuple[float, ...] | None:

@@ -22,7 +22,7 @@ def level(effector: str, x: float, y: float) -> Contact:
 
 def test_standing_still_is_half_the_weight_on_each_foot_and_nothing_else() -> None:
     stance = Stance((level("left_foot", 0, 0.1), level("right_foot", 0, -0.1), None, None))
-    problem = sequence_problem(ROBOT, [stance], "inner")
+    problem = sequence_problem(ROBOT, [stance])
     trajectory = sequence_dynamics(ROBOT, [stance], "inner").trajectory
     numbers = dict(
         zip(COLUMNS, robustness([(problem.schedule, trajectory)], ROBOT.mass, ROBOT.half_extents), strict=True)

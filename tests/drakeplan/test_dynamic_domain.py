@@ -12,7 +12,8 @@ from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.contact_pool import ContactPool
 from drakeplan.dynamic_domain import COM_CELL, DynamicDomain, DynamicWeights
 from drakeplan.dynamics_evaluator import ExactDynamics, TransitionEstimates, stance_of
-from drakeplan.planning import PlanOptions, plan_scene
+from drakeplan.plan_options import PlanOptions
+from drakeplan.planning import plan_scene
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
 from drakeplan.start_stance import start_stance
@@ -130,7 +131,7 @@ def test_what_the_search_returns_has_dynamics_from_rest_to_rest(ik) -> None:
     plan = next(planner.plans(Limits(expansions=30)))
     estimate = sequence_dynamics(ROBOT, plan.stances, "inner")
     assert estimate.feasible
-    trajectory, problem = estimate.trajectory, sequence_problem(ROBOT, plan.stances, "inner")
+    trajectory, problem = estimate.trajectory, sequence_problem(ROBOT, plan.stances)
     dt = np.diff(trajectory.t)[:, None]
     weight = np.array([0.0, 0.0, -ROBOT.mass * 9.81])
     force = trajectory.force_W[:-1].sum(axis=1)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from drakeplan.plan_file import write_plan
-from drakeplan.planning import PlanOptions, PlanResult, plan_scene
+from drakeplan.plan_options import PlanOptions
+from drakeplan.planning import PlanResult, plan_scene
 from scenes.contact import Contact, contact_pose
 from scenes.input_error import InputError
 from scenes.robot import load_robot

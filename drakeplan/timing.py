@@ -1,0 +1,60 @@
+"""How long the two parts of every transition take; the documents fix one second for each (Lin 2020 sec. 6.7)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from optimization.centroidal_options import CentroidalOptions
+from optimization.transition_dynamics import transition_options
+from scenes.input_error import InputError
+from scenes.robot import Robot
+
+STEPS = (0.2, 0.1, 0.05)  # [s] between knots, the first that divides both parts
+LEAST, MOST = 0.1, 10.0  # [s] of either part
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Durations of a transition.
+
+    Attributes:
+        shift: of the phase in which the CoM shifts over all contacts [s].
+        swing: of the phase in which one end effector moves [s].
+    """
+
+    shift: float = 1.0
+    swing: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("shift", "swing"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and LEAST <= value <= MOST):
+                raise InputError(f"timing: {name}: expected {LEAST:g} to {MOST:g} s, got {value}")
+        if self.step is None:
+            raise InputError(f"timing: expected multiples of {STEPS[-1]:g} s, got {self.shift} and {self.swing}")
+
+    @property
+    def step(self) -> float | None:
+        """Longest time between knots that divides both [s]; None where none does."""
+        return next((dt for dt in STEPS if all(_divides(dt, x) for x in (self.shift, self.swing))), None)
+
+    @property
+    def documented(self) -> bool:
+        """Whether it is the documents', which surrogates have learned."""
+        return (self.shift, self.swing) == (1.0, 1.0)
+
+    def options(self, robot: Robot, cone: str, *, rest_at_end: bool = False) -> CentroidalOptions:
+        """The centroidal program's options for this robot, cone and timing."""
+        options = transition_options(robot, cone)
+        return replace(
+            options,
+            shift_time=self.shift,
+            swing_time=self.swing,
+            dt=self.step or options.dt,
+            rest_at_end=rest_at_end,
+        )
+
+
+def _divides(step: float, duration: float) -> bool:
+    return abs(duration / step - round(duration / step)) < 1e-6
