@@ -14,6 +14,7 @@ BENCHES = {
     "surrogate": "learned centroidal dynamics: errors on scenes held out (Lin 2020 fig. 6.10) and time a transition",
     "centroidal": "centroidal labels per second, agreement with an interior point, whole sequences, crocoddyl",
     "capture": "zero- and one-step capture: acceptance, time, agreement with the linear inverted pendulum",
+    "optimizers": "formulations and solvers side by side: success, cost, violation, time, memory; picture in out/",
     "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
     "lin2019": "the experiments of Lin et al. 2019 with learned dynamics: success, robustness, times, prediction",
 }
