@@ -19,9 +19,9 @@ from optimization.centroidal_check import violations
 from optimization.centroidal_cost import cost_terms
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_explanation import explain
-from optimization.centroidal_guess import guess_com, guess_loads, guess_total_force
+from optimization.centroidal_guess import guess_com, guess_forces, guess_total_force
 from optimization.centroidal_model import CentroidalModel
-from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, PENALTY, UP, CentroidalOptions
+from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, PENALTY, CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.centroidal_rows import (
     contact_wrench_rows,
@@ -154,7 +154,7 @@ class CentroidalProgram:
         self.reach = self._reach_data()
         com = guess_com(problem, self.options)
         wrench = np.zeros((len(self.interval), 6))
-        wrench[:, 2] = guess_loads(problem, com, self.interval, self.effector)
+        wrench[:, :3] = guess_forces(problem, com, self.interval, self.effector)
         self._about = com, guess_total_force(problem, com), wrench
 
     def _reach_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

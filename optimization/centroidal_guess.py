@@ -6,6 +6,7 @@ import numpy as np
 
 from optimization.centroidal_options import GRAVITY, UP, CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
+from scenes.effector import RIGHT_FOOT
 
 WINDOW = 1.0  # [s] half width of the average over the feet
 # How far least-effort answers to random transitions are carried along by their first velocity: v0 DRIFT (1 -
@@ -51,10 +52,11 @@ def guess_total_force(problem: CentroidalProblem, com: np.ndarray) -> np.ndarray
     return np.where(held, UP + np.clip(push, -GREATEST_PUSH, GREATEST_PUSH), 0.0)
 
 
-def guess_loads(problem: CentroidalProblem, com: np.ndarray, interval: np.ndarray, effector: np.ndarray) -> np.ndarray:
-    """(J,) normal forces [M g] of the active contacts.
+def guess_forces(problem: CentroidalProblem, com: np.ndarray, interval: np.ndarray, effector: np.ndarray) -> np.ndarray:
+    """(J, 3) forces [M g] of the active contacts in their frames.
 
-    Two feet share the weight as the CoM stands between them, palms carry a little; without feet the palms share.
+    Two feet share the weight as the CoM stands between them, and push upwards; palms push a little along their normals.
+    Without feet the palms share the weight.
 
     Args:
         problem: the data.
@@ -77,4 +79,7 @@ def guess_loads(problem: CentroidalProblem, com: np.ndarray, interval: np.ndarra
     share[single, :2] = held[single, :2]
     palms = held[:, 2:].sum(axis=1, keepdims=True)
     share[:, 2:] = np.where(held[:, :2].any(axis=1, keepdims=True), PALM_SHARE, 1.0 / np.maximum(palms, 1))
-    return share[interval, effector]
+    load = share[interval, effector][:, None]
+    _, R_WC, _ = schedule.poses()
+    up = R_WC[schedule.active[interval, effector], 2] if len(R_WC) else np.zeros((0, 3))
+    return load * np.where(effector[:, None] <= RIGHT_FOOT, up, UP)

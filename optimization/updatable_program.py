@@ -94,6 +94,7 @@ class UpdatableProgram:
         self._costs_stale = False
         self._diagonal = self._target = np.zeros(0)
         self._watched = False
+        self._known = np.zeros(0, object)
         self.num_vars = 0
 
     @property
@@ -132,6 +133,12 @@ class UpdatableProgram:
         costs = len(self._costs) + int(bool(self._linear.any()))
         return len(prog.GetAllConstraints()) == own and len(prog.GetAllCosts()) == costs
 
+    def _variables(self) -> np.ndarray:
+        """Drake's variables; asking for them takes as long as solving a small program."""
+        if len(self._known) != self.num_vars:
+            self._known = self._prog.decision_variables()
+        return self._known
+
     def add_variables(self, name: str, count: int, width: int) -> tuple[np.ndarray, np.ndarray]:
         """(count, width) new variables and their places."""
         size = count * width
@@ -145,7 +152,7 @@ class UpdatableProgram:
         A = pattern.matrix(rows.values)
         constraint = LinearEqualityConstraint(A, upper) if lower is None else LinearConstraint(A, lower, upper)
         constraint.set_description(name)
-        self._prog.AddConstraint(constraint, self._prog.decision_variables()[pattern.columns])
+        self._prog.AddConstraint(constraint, self._variables()[pattern.columns])
         self._rows[name] = _RowBlock(name, constraint, pattern, rows, lower, upper)
 
     def update_rows(self, name: str, rows: SparseRows, lower: np.ndarray | None, upper: np.ndarray) -> None:
@@ -157,7 +164,7 @@ class UpdatableProgram:
     def add_bounds(self, name: str, index: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
         """Adds lower <= x[index] <= upper; all of one shape, or bounds that broadcast."""
         lower, upper = (np.broadcast_to(bound, index.shape).ravel() for bound in (lower, upper))
-        variables = self._prog.decision_variables()[index.ravel()]
+        variables = self._variables()[index.ravel()]
         constraint = self._prog.AddBoundingBoxConstraint(lower, upper, variables).evaluator()
         constraint.set_description(name)
         self._bounds[name] = _BoundBlock(constraint, index.ravel(), lower, upper)
@@ -175,7 +182,7 @@ class UpdatableProgram:
         for matrix, places in zip(A, index, strict=True):
             cone = LorentzConeConstraint(matrix, np.zeros(len(matrix)))
             cone.set_description(name)
-            self._prog.AddConstraint(cone, self._prog.decision_variables()[places])
+            self._prog.AddConstraint(cone, self._variables()[places])
             self._cones[name].append(cone)
 
     def update_cones(self, name: str, A: np.ndarray) -> None:
@@ -187,7 +194,7 @@ class UpdatableProgram:
         """Adds price times the sum of x[index]."""
         self._linear = np.zeros(self.num_vars)
         self._linear[index] = price
-        variables = self._prog.decision_variables()[index]
+        variables = self._variables()[index]
         cost = self._prog.AddLinearCost(np.full(len(index), price), 0.0, variables)
         cost.evaluator().set_description("slack price")
 
@@ -198,7 +205,7 @@ class UpdatableProgram:
         self._diagonal, self._target = diagonal, target
         for name, index in groups:
             used = index[diagonal[index] > 0]
-            variables = self._prog.decision_variables()[used]
+            variables = self._variables()[used]
             cost = self._prog.AddQuadraticCost(*self._dense_cost(used), variables, True).evaluator()
             cost.set_description(name)
             self._costs.append((cost, used))

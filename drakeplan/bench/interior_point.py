@@ -240,14 +240,19 @@ class InteriorPoint:
         excess = np.max(np.maximum(self.lower - g, g - self.upper), initial=0.0)
         return float(cost), float(excess) if np.isfinite(g).all() else np.inf
 
-    def from_trajectory(
-        self, problem: CentroidalProblem, trajectory: CentroidalTrajectory, corners: np.ndarray
-    ) -> np.ndarray:
-        """The x of a trajectory and its (J, 4, 3) corner forces [M g], to be judged here."""
-        unit, parts, at = problem.mass * GRAVITY * ARM, [], 0
+    def from_trajectory(self, problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> np.ndarray:
+        """The x of a trajectory, each wrench spread over its corners by least squares: a start near an answer."""
+        weight, parts = problem.mass * GRAVITY, []
         for n, row in enumerate(self.active):
-            held = int((row >= 0).sum())
-            parts += [trajectory.com[n + 1], trajectory.linear_momentum[n + 1] / problem.mass]
-            parts += [trajectory.angular_momentum[n + 1] / unit, corners[at : at + held].ravel()]
-            at += held
+            state = (trajectory.com[n + 1], trajectory.linear_momentum[n + 1] / problem.mass)
+            parts += [*state, trajectory.angular_momentum[n + 1] / (weight * ARM)]
+            for e in np.flatnonzero(row >= 0):
+                f = problem.schedule.contacts[row[e]].R_WC.T @ trajectory.force_W[n, e] / weight
+                moment = np.cross([*trajectory.cop_C[n, e], 0.0], f)
+                moment[2] += trajectory.torque_n[n, e] / weight
+                hx, hy = problem.half_extent[e]
+                corners = [(sx * hx, sy * hy, 0.0) for sx, sy in CORNERS]
+                lever = [np.cross(np.tile(c, (3, 1)), np.eye(3)).T for c in corners]
+                sums = np.vstack([np.tile(np.eye(3), 4), np.hstack(lever)])
+                parts.append(np.linalg.lstsq(sums, np.concatenate([f, moment]), rcond=None)[0])
         return np.concatenate(parts)
