@@ -177,10 +177,11 @@ class FootstepProgram:
         self.places: list[Place] = []
         self.held: list[dict[int, Place]] = []  # by contact: everything held once it is made
         self._regions = {e: self._candidates(e) for e in sorted(set(self.movers))}
-        for i, mover in enumerate(self.movers):
-            if not self._add_contact(i, mover):
-                return
-        self._add_goal()
+        with np.errstate(invalid="ignore"):  # arithmetic of arrays of variables sets the flag without a NaN anywhere
+            for i, mover in enumerate(self.movers):
+                if not self._add_contact(i, mover):
+                    return
+            self._add_goal()
 
     # Variables --------------------------------------------------------------------------------------------------
 
