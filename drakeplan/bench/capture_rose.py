@@ -22,6 +22,7 @@ DIRECTIONS = 16
 SPEEDS = np.arange(0.1, 1.01, 0.15)  # [m/s] impulses over the mass
 FRICTION = 0.5
 STEP_BACK, STEP_AHEAD, WIDEST = -0.35, 0.45, 0.5  # [m] footholds from the other foot
+SWINGS = (0.1, 0.25)  # [s] after which a foothold meets the capture point
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -34,16 +35,22 @@ def standing(robot: Robot) -> CaptureQuestion:
 
 
 def footholds(question: CaptureQuestion, robot: Robot) -> list[Contact]:
-    """Where either foot might go to meet the capture point: below it or on the way there, as far as it reaches."""
+    """Where either foot might go to meet the pendulum's capture point, as far as it reaches.
+
+    While the foot moves, the pressure stands where the other foot lets it come nearest to the capture point, which moves
+    away from it with exp(omega t).
+    """
     point = capture_point(question.com, question.linear_momentum / robot.mass)
+    omega = frequency(question.com[2])
     found = []
     for foot, other in ((LEFT_FOOT, RIGHT_FOOT), (RIGHT_FOOT, LEFT_FOOT)):
         held = question.stance.contacts[other]
         if held is None:
             continue
         side = 1.0 if foot == LEFT_FOOT else -1.0
-        for share in (1.0, 1.4):
-            x, y = share * point - held.p_WC[:2]
+        pressure = held.p_WC[:2] + np.clip(point - held.p_WC[:2], -robot.half_extents[other], robot.half_extents[other])
+        for swing in SWINGS:
+            x, y = pressure + (point - pressure) * np.exp(omega * swing) - held.p_WC[:2]
             apart = side * float(np.clip(side * y, robot.foot_separation[0], WIDEST))
             found.append(_foot(foot, held.p_WC[:2] + np.array([np.clip(x, STEP_BACK, STEP_AHEAD), apart])))
     return found
@@ -112,7 +119,7 @@ def _draw(
         (support.buffer(allowance), ":", "and what angular momentum allows at most"),
     ):
         axes.plot(fine, robot.mass * omega * _reach(region, base.com[:2], fine), style, color="tab:blue", label=label)
-    axes.set_rlim(0, 1.08 * robot.mass * SPEEDS[-1])
+    axes.set_rlim(0, 1.4 * robot.mass * SPEEDS[-1])
     axes.set_theta_zero_location("N")  # ahead is up, left is left
     axes.set_title(f"Impulses on {robot.name}, standing on both feet [kg m/s]")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.04), ncols=2, fontsize=8)
