@@ -20,6 +20,7 @@ from optimization.centroidal_trajectory import CentroidalTrajectory, WrenchInteg
 from optimization.contact_wrench import CornerForces
 
 CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
+ENOUGH = 3.0  # [s] of turns
 Answer = tuple[bool, CentroidalProblem, CentroidalTrajectory | None, float, float, float]
 
 
@@ -166,7 +167,7 @@ def trajectory_of_corners(
 
 
 def run_trial(method: Method, problem: CentroidalProblem, options: CentroidalOptions, turns: int = 1) -> Trial:
-    """Asks so many times, keeps the least times, and judges the last answer."""
+    """Asks so many times, or until `ENOUGH` seconds went by, keeps the least times, and judges the last answer."""
     options = replace(options, cone=method.cone)
     builds, solves = [], []
     with peak_memory() as memory:
@@ -174,6 +175,8 @@ def run_trial(method: Method, problem: CentroidalProblem, options: CentroidalOpt
             claimed, solved, trajectory, cost, build, solve = method.answer(problem, options)
             builds.append(build)
             solves.append(solve)
+            if sum(builds) + sum(solves) > ENOUGH:
+                break
     if trajectory is None:
         nothing = float("nan")
         return Trial(claimed, False, np.inf, nothing, np.inf, "no answer", max(builds), min(solves), memory.rise)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import numpy as np
@@ -103,7 +103,7 @@ def strip_row(robot: Robot) -> Row:
                 solve=result.report["deform_s"], memory=memory.rise)  # fmt: skip
 
 
-def mixed_integer_rows(robot: Robot) -> list[Row]:
+def mixed_integer_rows(robot: Robot) -> Iterator[Row]:
     """Footsteps by every solver that can be used here, contacts with dynamics, and the graph of convex sets."""
     planner = MixedIntegerPlanner(load_scene(SCENE, seed=0), robot, WholeBodyIK(robot), "footsteps")
     solvers = [backend.name for backend in BACKENDS if not backend.missing()]
@@ -112,7 +112,6 @@ def mixed_integer_rows(robot: Robot) -> list[Row]:
         ("contacts with dynamics, mixed integer", solvers[0], ContactDynamicsProgram),
         ("footsteps, graph of convex sets", "auto", ConvexSetGraph),
     ]
-    rows = []
     for formulation, solver, build in asked:
         began = time.process_time()
         program = build(planner.query, FootstepOptions(num_contacts=CONTACTS))
@@ -121,12 +120,8 @@ def mixed_integer_rows(robot: Robot) -> list[Row]:
             first = build is ContactDynamicsProgram
             settings = MixedIntegerSettings(solver=solver, time_limit=TIME_LIMIT, gap=GAP, first_only=first)
             estimate = program.solve(settings)
-        rows.append(
-            _contact_row(
-                formulation, solver, estimate, settings, built - began, time.process_time() - built, memory.rise
-            )
-        )
-    return rows
+        elapsed = time.process_time() - built
+        yield _contact_row(formulation, solver, estimate, settings, built - began, elapsed, memory.rise)
 
 
 def _contact_row(
@@ -135,15 +130,15 @@ def _contact_row(
 ) -> Row:  # fmt: skip
     record = estimate.record
     size = f"{CONTACTS} contacts, {SCENE}"
+    if record is not None and np.isfinite(record.cpu_time):  # solved in a process of its own
+        solve, memory = record.cpu_time, record.peak_rss_mb
     if record is None or not estimate.feasible:
         return _row(
             formulation, solver, "inner", size, estimate.feasible, False, build=build, solve=solve, memory=memory
         )
-    outside = np.isfinite(record.cpu_time)  # solved in a process of its own
     return _row(formulation, record.solver, "inner", size, True, record.worst <= settings.accept, cost=estimate.cost,
                 ratio=estimate.cost / record.bound if record.bound > 0 else NAN,
-                violation=record.worst / settings.accept, build=build, solve=record.cpu_time if outside else solve,
-                memory=record.peak_rss_mb if outside else memory)  # fmt: skip
+                violation=record.worst / settings.accept, build=build, solve=solve, memory=memory)  # fmt: skip
 
 
 def _row(
