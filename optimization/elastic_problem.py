@@ -67,8 +67,9 @@ class StripProblem:
             if table.size and (table.min() < -1 or table.max() >= num_contacts):
                 raise InputError(f"elastic strip: {key} names a contact that does not exist")
         for c, regions in enumerate(self.regions):
-            if not len(regions):
-                raise InputError(f"elastic strip: contact {c} ({self.contacts[c].effector}) has no region to go to")
+            if self.contacts[c].surface not in regions.surface:
+                where = f"contact {c} ({self.contacts[c].effector})"
+                raise InputError(f"elastic strip: {where} has no region to go to on surface {self.contacts[c].surface}")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning", sec. 4.5.3.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from pydrake.solvers import Binding, MathematicalProgram
@@ -23,12 +23,12 @@ from optimization.elastic_check import (
     contact_heading,
     find_violations,
     frame_error,
-    rotation_about,
     strip_faults,
 )
 from optimization.elastic_problem import StripEstimate, StripIteration, StripOptions, StripProblem
 from optimization.elastic_rows import linearise, make_strip_rows
-from optimization.kinematic_tree import difference, integrate
+from optimization.elastic_state import StripState, course_pose, first_state, moved_state
+from optimization.kinematic_tree import difference
 from optimization.kinematics import Kinematics
 from optimization.solvers import ConvexSolver, SolverSettings
 from optimization.static_equilibrium import polygon_margin
@@ -44,16 +44,8 @@ ROUND = 1.0  # [1/m^2] quadratic part of the penalties, which makes the answer u
 LEAST_TRUST = 0.04  # [rad, m]
 SETTLED, DONE = 5e-3, 0.04  # [rad, m] a step that ends the iterations, and one that does where every task is done
 WELL_HELD = 5e-4  # [m] contact error at which the strip may end early
+LOOSE = 1e-2  # violation of a program's constraints up to which its answer is a step; slack makes all of them feasible
 ACCURATE = 1e-6  # of each convex program: the next iteration forgives more
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Configurations, contact poses, and how far each contact has turned about its normal [rad]."""
-
-    q: np.ndarray
-    X_WC: np.ndarray
-    turned: np.ndarray
 
 
 class ElasticStrip:
@@ -105,10 +97,10 @@ class ElasticStrip:
         self.robot, self.problem, self.options = robot, problem, options or StripOptions()
         self.tree, self._capsules, self._packed = kinematics.tree, capsules, packed
         self._num, self._nv = len(problem.t), len(kinematics.tree.lower) + 6
-        self._surface = np.array([c.surface for c in problem.contacts], np.int64)
-        self._regions = tuple(r.where(r.surface == s) for r, s in zip(problem.regions, self._surface, strict=True))
+        own = zip(problem.regions, problem.contacts, strict=True)
+        self._regions = tuple(r.where(r.surface == c.surface) for r, c in own)
         self._home = np.array([c.X_WC for c in problem.contacts]).reshape(-1, 4, 4)
-        self._planned = np.array([c.X_WC for c in problem.planned]).reshape(-1, 4, 4)
+        self._circle = np.zeros(len(problem.contacts), np.int64)  # that each contact is in
         self._polygons = BalancePolygons(robot, problem.contacts, self.options.cone)
         link_of = {int(link): e for e, link in enumerate(self.tree.frame_link[:4])}
         self._effector_of = np.array([link_of.get(int(link), -1) for link in capsules.link], np.int64)
@@ -220,7 +212,7 @@ class ElasticStrip:
         """
         began = time.process_time()
         solver = ConvexSolver(self.prog, SolverSettings(self.options.solver, ACCURATE, ACCURATE, accept=1e-4))
-        state = _State(np.array(self.problem.q, dtype=float), self._home.copy(), np.zeros(len(self._home)))
+        state = first_state(self.problem)
         trust, done, ended_by = self.options.trust, [], "iterations"
         violations = self._look(state)
         best, best_violations, step = state, violations, np.inf
@@ -230,12 +222,12 @@ class ElasticStrip:
                 break
             self._update(state, trust)
             x, record = solver.solve()
-            if x is None:
+            if x is None or not record.worst < LOOSE:
                 ended_by = "solver"
                 break
-            after = self._moved(state, x)
-            step = float(np.abs(x[self._dq_index]).max())
-            before, state = violations, after
+            dq, dc = x[self._dq_index], x[self._dc_index]
+            step, before = float(np.abs(dq).max()), violations
+            state = moved_state(state, dq, dc, self.tree, self._regions, self._circle)
             done.append(StripIteration(before.contact.max(initial=0.0), before.balance.max(), before.clearance.max(),
                                        record.cost, step, record.solver, record.time, time.process_time() - began))  # fmt: skip
             violations = self._look(state)
@@ -249,7 +241,7 @@ class ElasticStrip:
                 break
         return self._estimate(best, best_violations, tuple(done), ended_by)
 
-    def _look(self, state: _State) -> Violations:
+    def _look(self, state: StripState) -> Violations:
         """Linearises about a state and says what is wrong there."""
         options = self.options
         linearise(self.tree, self._capsules, self._packed, self._effector_of, state.q, self._air,
@@ -261,7 +253,7 @@ class ElasticStrip:
             depth[n] = polygon_margin(polygon, len(polygon), self._rows.com[n, 0], self._rows.com[n, 1])
         return find_violations(self.problem, self.tree, self._rows, state.q, state.X_WC, depth)
 
-    def _update(self, state: _State, trust: float) -> None:
+    def _update(self, state: StripState, trust: float) -> None:
         """Writes the coefficients of the program about a state, whose rows `_look` has left."""
         planned = self.problem.q
         u = np.empty((self._num, self._nv))
@@ -276,7 +268,7 @@ class ElasticStrip:
         self._update_clearance()
         self._update_contacts(state)
 
-    def _update_tracking(self, state: _State, u: np.ndarray) -> None:
+    def _update_tracking(self, state: StripState, u: np.ndarray) -> None:
         nv, rows = self._nv, self._rows
         hold = self.options.contact_weight * np.array([LEVER**2] * 3 + [1.0] * 3)
         for n, (cost, held) in enumerate(self._tracking):
@@ -290,7 +282,7 @@ class ElasticStrip:
                     continue
                 A = np.zeros((6, size))
                 A[:, :nv] = rows.J_E[n, e]
-                X_WC = state.X_WC[c] if c >= 0 else self._course(n, e, state)
+                X_WC = state.X_WC[c] if c >= 0 else course_pose(self.problem, state, n, e, self._planned_pose[n, e])
                 weight = hold if c >= 0 else AIR_WEIGHT / self.options.contact_weight * hold
                 if c >= 0:
                     column = nv + 3 * int(np.searchsorted(held, c))
@@ -301,19 +293,7 @@ class ElasticStrip:
                 g -= 2.0 * A.T @ (weight * error)
             cost.evaluator().UpdateCoefficients(H, g, 0.0, True)
 
-    def _course(self, n: int, e: int, state: _State) -> np.ndarray:
-        """(4, 4) where an end effector in the air would be, had it moved with the contacts that it goes between."""
-        share, turn, move = self.problem.share[n], np.zeros(3), np.zeros(3)
-        for c, weight in zip(self.problem.swing[n, e], (1.0 - share, share), strict=True):
-            if c >= 0:
-                error = frame_error(self._planned[c, :3, :3], self._planned[c, :3, 3], state.X_WC[c])
-                turn, move = turn + weight * error[:3], move + weight * error[3:]
-        X_WE = np.eye(4)
-        X_WE[:3, :3] = rotation_about(turn) @ self._planned_pose[n, e, :3, :3]
-        X_WE[:3, 3] = self._planned_pose[n, e, :3, 3] + move
-        return X_WE
-
-    def _update_limits(self, state: _State, trust: float) -> None:
+    def _update_limits(self, state: StripState, trust: float) -> None:
         """Bounds on all changes; a joint that the plan brings nearer to its limit than the reserve may stay there."""
         lower, upper = np.full((self._num, self._nv), -trust), np.full((self._num, self._nv), trust)
         joints, planned = state.q[:, 7:], self.problem.q[:, 7:]
@@ -344,12 +324,15 @@ class ElasticStrip:
             lower = np.append(-self._rows.gap[n, :count], 0.0)
             binding.evaluator().UpdateCoefficients(rows, lower, np.full(len(rows), np.inf))
 
-    def _update_contacts(self, state: _State) -> None:
-        """Each contact keeps to the circle of its regions that holds it best, its turn and its trust region."""
+    def _update_contacts(self, state: StripState) -> None:
+        """Each contact keeps to a circle that holds it and gives it room to go on, to its turn and its trust region."""
         trust, turn = self.options.trust_contact, self.options.turn
         for c, contact in enumerate(self.problem.contacts):
             X_WC = state.X_WC[c]
-            index, _ = self._regions[c].nearest(X_WC)
+            index = self._regions[c].furthest_along(X_WC, state.way[c])
+            if index < 0:
+                index, _ = self._regions[c].nearest(X_WC)
+            self._circle[c] = index
             offset = X_WC[:3, :2].T @ (X_WC[:3, 3] - self._regions[c].X_WR[index, :3, 3])
             # An inscribed polygon; a contact on the circle's rim may stay there.
             reach = np.maximum(np.cos(np.pi / SIDES) * self._regions[c].radius[index], self._sides @ offset)
@@ -372,20 +355,8 @@ class ElasticStrip:
             free = np.full(SIDES, -np.inf)
             binding.evaluator().UpdateCoefficients(A, free, reach)
 
-    def _moved(self, state: _State, x: np.ndarray) -> _State:
-        """The state after a step x of the program."""
-        q, X_WC = state.q.copy(), state.X_WC.copy()
-        dq, dc = x[self._dq_index], x[self._dc_index]
-        for n in range(self._num):
-            integrate(q[n], np.ascontiguousarray(dq[n]), 1.0, q[n])
-        q[:, 7:] = np.clip(q[:, 7:], self.tree.lower, self.tree.upper)
-        for c in range(len(X_WC)):
-            X_WC[c, :3, 3] += X_WC[c, :3, :2] @ dc[c, :2]
-            X_WC[c, :3, :3] = X_WC[c, :3, :3] @ rotation_about(np.array([0.0, 0.0, dc[c, 2]]))
-        return _State(q, X_WC, state.turned + dc[:, 2])
-
     def _estimate(
-        self, state: _State, violations: Violations, iterations: tuple[StripIteration, ...], ended_by: str
+        self, state: StripState, violations: Violations, iterations: tuple[StripIteration, ...], ended_by: str
     ) -> StripEstimate:
         contacts = tuple(
             replace(c, X_WC=X_WC, heading=contact_heading(X_WC) if is_foot(c.effector) else c.heading)

@@ -1,5 +1,6 @@
 """Circles that cover the free part of a plane: grown from samples on a grid that gets finer where circles are small.
 
+A sample that no circle holds yet gets one that holds it and has grown: its centre moves to where its radius is larger.
 The free part is where a point satisfies half planes n . x <= c and keeps a distance from convex polygons. The largest
 circle in it about a point has a radius in closed form; it may be negative, minus a bound on the way back in.
 
@@ -12,6 +13,7 @@ import numpy as np
 from numba import njit
 
 LEAST_RADIUS = 0.1  # of the finest spacing; smaller circles hold nothing
+GROWTH_STEP = 0.2  # of the finest spacing, where the search for a larger circle stops
 COVERED = 0.999  # share of a circle that counts as covered, so that samples on its edge grow none
 
 
@@ -56,7 +58,7 @@ def cover_free_space(
     normals: np.ndarray, offsets: np.ndarray, blockers: np.ndarray, counts: np.ndarray, keep: float, coarsest: float,
     finest: float,
 ) -> np.ndarray:  # fmt: skip
-    """(K, 3) circles x, y, radius [m] that cover the free part, none with its centre in an earlier one.
+    """(K, 3) circles x, y, radius [m] that cover the free part, none within another.
 
     Args:
         normals, offsets, blockers, counts, keep: as in `free_radius`; the half planes enclose a bounded part.
@@ -87,7 +89,7 @@ def cover_free_space(
                 larger = np.empty((2 * n, 3))
                 larger[:n] = circles
                 circles = larger
-            circles[n, 0], circles[n, 1], circles[n, 2] = cells[i, 0], cells[i, 1], room[i]
+            circles[n] = _grown(cells[i], room[i], spacing, finest, normals, offsets, blockers, counts, keep)
             n += 1
         half = 0.5 * spacing
         if half < finest * (1.0 - 1e-9):
@@ -103,6 +105,32 @@ def cover_free_space(
                 m += 1
         cells, spacing = finer[:m], half
     return circles[:n].copy()
+
+
+@njit(cache=True)
+def _grown(
+    sample: np.ndarray, room: float, spacing: float, finest: float, normals: np.ndarray, offsets: np.ndarray,
+    blockers: np.ndarray, counts: np.ndarray, keep: float,
+) -> np.ndarray:  # fmt: skip
+    """(3,) a circle that holds the sample: the one about it, its centre moved to where it grows, by a pattern search."""
+    circle, x = np.array([sample[0], sample[1], room]), np.empty(2)
+    step = 0.5 * spacing
+    while step > GROWTH_STEP * finest:
+        best_a, best = -1, circle[2] + 1e-9
+        for a in range(8):
+            x[0] = circle[0] + step * np.cos(0.25 * np.pi * a)
+            x[1] = circle[1] + step * np.sin(0.25 * np.pi * a)
+            radius = free_radius(x, normals, offsets, blockers, counts, keep)
+            away = np.sqrt((x[0] - sample[0]) ** 2 + (x[1] - sample[1]) ** 2)
+            if radius > best and away <= COVERED * radius:
+                best_a, best = a, radius
+        if best_a < 0:
+            step *= 0.5
+        else:
+            circle[0] += step * np.cos(0.25 * np.pi * best_a)
+            circle[1] += step * np.sin(0.25 * np.pi * best_a)
+            circle[2] = best
+    return circle
 
 
 @njit(cache=True)

@@ -26,7 +26,8 @@ COARSEST = 0.08  # [m] first spacing of the samples
 FINEST = 0.01  # [m] d_cr,min, where refinement stops
 TILT_WEIGHT = 0.5  # [m] w_r of eq. 4.4, what a normal that points sideways counts
 TURN_STEP = np.deg2rad(5.0)  # between the rotations whose hull stands for a range of them
-TINY = 1e-9  # [m] circles of a point
+TINY = 1e-9  # [m] distances that count as equal
+HOLDS = 1e-5  # [m] a contact this far off a circle is still held by it
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,20 @@ class ContactRegions:
         best = int(tied[np.argmax(depth)])
         return best, float(distance[best])
 
+    def furthest_along(self, X_WC: np.ndarray, way: np.ndarray) -> int:
+        """Index of the circle that holds the contact and lets it go furthest along `way` (3,) before it meets the rim.
+
+        -1 where no circle holds the contact, or `way` is none.
+        """
+        along, across = self._offsets(X_WC)
+        length = float(np.linalg.norm(way))
+        holds = (np.abs(along) < HOLDS) & ((across**2).sum(axis=1) < (self.radius + HOLDS) ** 2)
+        if length < HOLDS or not holds.any():
+            return -1
+        ahead = across @ (np.asarray(way) / length)
+        reach = np.sqrt(np.maximum(ahead**2 - (across**2).sum(axis=1) + self.radius**2, 0.0)) - ahead
+        return int(np.argmax(np.where(holds, reach, -np.inf)))
+
     def project(self, X_WC: np.ndarray, index: int) -> np.ndarray:
         """(4, 4) the contact pose moved to the nearest point of a circle and turned until its normal is the circle's.
 
@@ -122,8 +137,8 @@ def cover_terrain(
 ) -> ContactRegions:
     """Covers the surfaces that an end effector may touch with circles.
 
-    Samples stand on a grid. From each that no circle holds yet grows the largest circle that fits; cells that one
-    circle does not cover are sampled again at half the spacing, down to `finest`.
+    Samples stand on a grid. From each that no circle holds yet a circle grows that holds it; cells that one circle does
+    not cover are sampled again at half the spacing, down to `finest`.
 
     Args:
         packed: the terrain.

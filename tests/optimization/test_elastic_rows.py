@@ -139,7 +139,6 @@ def test_polygons_follow_the_contacts_that_they_belong_to() -> None:
     shift = np.array([c.X_WC for c in contacts])
     shift[:, 0, 3] += 0.3
     polygons.move(shift)
-    np.testing.assert_allclose(
-        polygons(np.array([0, 1, -1, -1])).mean(axis=0), before.mean(axis=0) + [0.3, 0.0], atol=1e-6
-    )
+    after = polygons(np.array([0, 1, -1, -1])).mean(axis=0)
+    np.testing.assert_allclose(after, before.mean(axis=0) + np.array([0.3, 0.0]), atol=1e-6)
     assert len(polygons(np.full(4, -1))) == 0

@@ -181,7 +181,7 @@ def test_drake_finds_every_foot_on_its_contact_and_no_body_in_the_terrain() -> N
 def test_every_contact_comes_out_in_its_regions_and_its_patch_on_the_plate() -> None:
     terrain, problem, estimate = deformed()
     for contact, regions in zip(estimate.contacts, problem.regions, strict=True):
-        assert regions.nearest(contact.X_WC)[1] < 2e-5  # of the solver; regions keep 1e-4 to spare
+        assert regions.nearest(contact.X_WC)[1] < 1e-9
         surface = terrain.surfaces[contact.surface]
         hx, hy = ROBOT.half_extents[0]
         flat = np.array([[hx, hy, 0], [-hx, hy, 0], [-hx, -hy, 0], [hx, -hy, 0]])

@@ -95,12 +95,12 @@ def test_no_rotation_asked_for_leaves_the_rectangle_less_the_circle_around_the_p
     assert (reach.max(axis=0) <= np.array([0.3, 0.2]) - np.hypot(0.11, 0.05) + ATOL).all()
 
 
-def test_no_circle_has_its_centre_in_an_earlier_one() -> None:
+def test_no_circle_lies_within_another() -> None:
     packed = pack_terrain(terrain_from([level_plate("stone", (-0.2, 0.2), (-0.2, 0.2))]))
     regions = cover_terrain(packed, FOOT)
     p, r = regions.X_WR[:, :3, 3], regions.radius
     for k in range(1, len(regions)):
-        assert (np.linalg.norm(p[:k] - p[k], axis=1) > 0.998 * r[:k]).all()
+        assert (np.linalg.norm(p[:k] - p[k], axis=1) + r[k] > 0.998 * r[:k]).all()
 
 
 def test_what_stands_above_a_surface_is_kept_clear_of_by_the_whole_foot() -> None:
