@@ -15,6 +15,8 @@ BENCHES = {
     "centroidal": "centroidal labels per second, agreement with an interior point, whole sequences, crocoddyl",
     "capture": "zero- and one-step capture: acceptance, time, agreement with the linear inverted pendulum",
     "optimizers": "formulations and solvers side by side: success, cost, violation, time, memory; picture in out/",
+    "planners": "search, mixed-integer programs and graph of convex sets: same scenes, seeds, verifier; picture in out/",
+    "mixed_integer": "contacts by mixed-integer programs on 14 surfaces: 12, 18, 24 contacts, every solver at hand",
     "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
     "lin2019": "the experiments of Lin et al. 2019 with learned dynamics: success, robustness, times, prediction",
 }
