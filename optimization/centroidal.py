@@ -19,6 +19,7 @@ from optimization.centroidal_check import violations
 from optimization.centroidal_cost import cost_terms
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_explanation import explain
+from optimization.centroidal_flight import impossible_flight
 from optimization.centroidal_guess import guess_com, guess_forces, guess_total_force
 from optimization.centroidal_model import CentroidalModel
 from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, PENALTY, CentroidalOptions
@@ -365,13 +366,22 @@ class CentroidalProgram:
             hopeless=HOPELESS,
         )
         point = outcome.point
+        stopped = "" if outcome.converged or outcome.reason not in ("time", "iterations") else outcome.reason
         if point is None:
-            reason = explain(self) if options.explain else "the convex program has no answer"
-            return CentroidalEstimate(False, np.inf, reason, outcome.records, None)
+            return CentroidalEstimate(False, np.inf, self._why_not(stopped), outcome.records, None, stopped)
         force, moment = point.wrench[:, :3], ARM * point.wrench[:, 3:]
         trajectory = self.integrator.trajectory(self.problem.schedule, force, moment, self.problem.mass)
         found = violations(self.problem, options, trajectory)
         reason = str(found[0]) if found else ""
-        if found and not outcome.converged:
-            reason += f" (stopped by the limit on {outcome.reason})"
-        return CentroidalEstimate(not found, point.effort / COST_SCALE, reason, outcome.records, trajectory)
+        if found and stopped:
+            reason += f" (stopped by the limit on {stopped})"
+        return CentroidalEstimate(not found, point.effort / COST_SCALE, reason, outcome.records, trajectory, stopped)
+
+    def _why_not(self, stopped: str) -> str:
+        """Why there is no trajectory at all."""
+        if stopped:
+            return f"stopped by the limit on {stopped} before the first answer"
+        flight = impossible_flight(self.problem, self.options)
+        if flight:
+            return flight
+        return explain(self) if self.options.explain else "the convex program has no answer"

@@ -18,6 +18,8 @@ class CentroidalEstimate:
         reason: "" where feasible, else the constraint block that fails, with knot and end effector where known.
         records: one per convex program that was solved.
         trajectory: the best one found, also where it is not feasible; None where there is none.
+        stopped: the limit that ended the iteration before the cost stood still ("time" or "iterations"), "" where none
+            did: the trajectory is then the best so far.
     """
 
     feasible: bool
@@ -25,6 +27,7 @@ class CentroidalEstimate:
     reason: str
     records: tuple[SolveRecord, ...]
     trajectory: CentroidalTrajectory | None
+    stopped: str = ""
 
     @property
     def solve_record(self) -> SolveRecord | None:

@@ -52,9 +52,14 @@ class CentroidalProblem:
             raise InputError("centroidal problem: half_extent must not be negative")
         if self.com_box is not None and (self.com_reference is None or (self.com_box < 0).any()):
             raise InputError("centroidal problem: com_box needs a com_reference and half widths >= 0")
-        friction = np.array([contact.friction for contact in self.schedule.contacts])
-        if not (np.isfinite(friction).all() and (friction >= 0).all()):
-            raise InputError("centroidal problem: every contact's friction must be a finite number >= 0")
+        for number, contact in enumerate(self.schedule.contacts):
+            if not (np.isfinite(contact.friction) and contact.friction >= 0):
+                held = np.flatnonzero((self.schedule.active == number).any(axis=1))
+                where = f", held from {self.schedule.phase_name(int(held[0]))}" if len(held) else ""
+                raise InputError(
+                    f"centroidal problem: friction of contact {number} ({contact.effector}{where}) must be a finite number "
+                    f">= 0, got {contact.friction}"
+                )
 
     def _array(self, name: str, shape: tuple[int, ...], infinite: bool = False) -> None:
         value = getattr(self, name)

@@ -14,6 +14,20 @@ from scenes.input_error import InputError
 from scenes.stance import Stance, changed_effector
 
 
+@dataclass(frozen=True)
+class ContactSpan:
+    """One contact and when it may carry load.
+
+    Attributes:
+        contact: which.
+        start, end: when it is made and when it is broken [s].
+    """
+
+    contact: Contact
+    start: float
+    end: float
+
+
 @dataclass(frozen=True, eq=False)
 class ContactSchedule:
     """N knots, the contacts that may carry load between them, and the time between them.
@@ -32,8 +46,16 @@ class ContactSchedule:
         active, dt = (np.array(self.active, dtype=np.int64), np.array(self.dt, dtype=float))
         if active.ndim != 2 or active.shape[0] < 1 or active.shape[1] != len(EFFECTORS):
             raise InputError(f"contact schedule: expected at least one interval of {len(EFFECTORS)} end effectors")
-        if dt.shape != (len(active),) or not np.isfinite(dt).all() or (dt <= 0).any():
-            raise InputError("contact schedule: every interval needs a finite length dt > 0")
+        if dt.shape != (len(active),):
+            raise InputError(
+                f"contact schedule: expected a length dt for each of {len(active)} intervals, got {dt.shape}"
+            )
+        if not (np.isfinite(dt) & (dt > 0)).all():
+            bad = int(np.argmin(np.isfinite(dt) & (dt > 0)))
+            raise InputError(
+                f"contact schedule: interval {bad} of phase {_phases(active)[bad]} has dt = {dt[bad]} s, expected a finite "
+                "length > 0"
+            )
         if active.min() < -1 or active.max() >= len(self.contacts):
             raise InputError("contact schedule: an interval refers to a contact that does not exist")
         for interval, effector in zip(*np.nonzero(active >= 0), strict=True):
@@ -62,6 +84,47 @@ class ContactSchedule:
                 if contact is not None:
                     active[n, e] = index.setdefault(contact, len(index))
         return cls(tuple(index), active, np.broadcast_to(np.asarray(dt, float), (len(rows),)))
+
+    @classmethod
+    def from_spans(cls, spans: Sequence[ContactSpan], *, dt: float, duration: float | None = None) -> ContactSchedule:
+        """Contacts with the times at which they are made and broken, rounded to whole intervals.
+
+        Times at which nothing is held are flight.
+
+        Args:
+            spans: in any order.
+            dt: length of an interval [s].
+            duration: of the whole [s], by default to the end of the last span.
+
+        Raises:
+            InputError: no spans, times that are not finite or do not ascend, or an end effector that would hold two
+                contacts at once.
+        """
+        if not (np.isfinite(dt) and dt > 0):
+            raise InputError(f"contact schedule: dt must be a finite number > 0 s, got {dt}")
+        if not spans:
+            raise InputError("contact schedule: the contact sequence is empty")
+        for i, span in enumerate(spans):
+            if not (np.isfinite([span.start, span.end]).all() and 0 <= span.start < span.end):
+                raise InputError(
+                    f"contact schedule: span {i} ({span.contact.effector}) lasts from {span.start} to {span.end} s, expected "
+                    "finite times that ascend from 0"
+                )
+        end = max(span.end for span in spans) if duration is None else duration
+        count = round(end / dt) if np.isfinite(end) else 0
+        if count < 1:
+            raise InputError(f"contact schedule: a duration of {end} s leaves no interval of {dt} s")
+        rows: list[list[Contact | None]] = [[None] * len(EFFECTORS) for _ in range(count)]
+        for i, span in enumerate(spans):
+            effector = EFFECTORS.index(span.contact.effector)
+            for n in range(round(span.start / dt), min(round(span.end / dt), count)):
+                if rows[n][effector] is not None:
+                    raise InputError(
+                        f"contact schedule: {span.contact.effector} holds two contacts at {n * dt:.2f} s: span {i} "
+                        f"({span.start:.2f} to {span.end:.2f} s) overlaps an earlier one"
+                    )
+                rows[n][effector] = span.contact
+        return cls.from_rows(rows, dt)
 
     @classmethod
     def from_stances(
@@ -108,6 +171,17 @@ class ContactSchedule:
         """(N,) time of each knot, from zero [s]."""
         return np.concatenate(([0.0], np.cumsum(self.dt)))
 
+    @property
+    def phases(self) -> np.ndarray:
+        """(N-1,) number of the phase of each interval, from 0: the longest runs of the same active contacts."""
+        return _phases(self.active)
+
+    def phase_name(self, interval: int) -> str:
+        """The phase of an interval in words, with its times."""
+        within = np.flatnonzero(self.phases == self.phases[interval])
+        start, end = self.times[within[0]], self.times[within[-1] + 1]
+        return f"phase {self.phases[interval]} ({start:.2f} to {end:.2f} s)"
+
     def poses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(C, 3) points p_WC [m], (C, 3, 3) orientations R_WC and (C,) friction of the contacts."""
         if not self.contacts:
@@ -123,3 +197,8 @@ class ContactSchedule:
         points = np.where(held, p_WC[np.maximum(feet, 0)], 0.0) if len(p_WC) else np.zeros((*feet.shape, 3))
         with np.errstate(invalid="ignore"):
             return points.sum(axis=1) / held.sum(axis=1)
+
+
+def _phases(active: np.ndarray) -> np.ndarray:
+    changed = (np.diff(active, axis=0) != 0).any(axis=1)
+    return np.concatenate([np.zeros(1, int), np.cumsum(changed)])

@@ -108,9 +108,10 @@ def minimise(
     point: PointT | None = None
     bound = np.inf
     for _ in range(max_iterations):
-        if time.perf_counter() - started > time_limit:
+        left = started + time_limit - time.perf_counter()
+        if left <= 0:
             return Outcome(point, False, "time", tuple(records))
-        x, record = solver.solve(costs_changed=not records)
+        x, record = solver.solve(costs_changed=not records, time_limit=left)
         records.append(record)
         candidate = model.evaluate(x) if x is not None and record.feasible else None
         if point is None:
@@ -119,7 +120,8 @@ def minimise(
             following, step = _search(model, point, candidate, record.cost)
         if following is None:
             if point is None:
-                return Outcome(None, False, "first convex program failed", tuple(records))
+                late = time.perf_counter() - started > time_limit  # then its failure says nothing
+                return Outcome(None, False, "time" if late else "first convex program failed", tuple(records))
             if candidate is not None and not np.isfinite(bound) and _close(point, candidate.merit, tolerance, tight):
                 return Outcome(point, True, "converged", tuple(records))
             went = model.distance(point, candidate) if candidate is not None else np.inf

@@ -114,11 +114,14 @@ class ConvexSolver:
             raise InputError("solver 'piqp' takes linear and quadratic terms only: choose 'clarabel' or a linear cone")
         return asked
 
-    def solve(self, *, costs_changed: bool = True) -> tuple[np.ndarray | None, SolveRecord]:
+    def solve(
+        self, *, costs_changed: bool = True, time_limit: float = np.inf
+    ) -> tuple[np.ndarray | None, SolveRecord]:
         """The (n,) answer, None where it is not finite, and the record of how it came about.
 
         Args:
             costs_changed: False where the costs are those of the last solve: saves reading them.
+            time_limit: seconds after which to give up, where that is less than the settings'. PIQP knows no limit.
 
         Raises:
             InputError: the program's data holds a NaN or an infinity.
@@ -134,7 +137,7 @@ class ConvexSolver:
             if record.feasible:
                 return x, record
         name = "clarabel" if self._piqp is None else "clarabel after piqp"
-        return self._judge(name, self._clarabel(), program, started)
+        return self._judge(name, self._clarabel(time_limit), program, started)
 
     def _judge(
         self, name: str, answer: tuple[str, np.ndarray, int], program: QuadraticProgram | None, started: float
@@ -151,14 +154,14 @@ class ConvexSolver:
         record = SolveRecord(name, status, feasible, worst, constraint, iterations, elapsed, cost)
         return (x if finite else None), record
 
-    def _clarabel(self) -> tuple[str, np.ndarray, int]:
+    def _clarabel(self, time_limit: float) -> tuple[str, np.ndarray, int]:
         options = SolverOptions()
         options.SetOption(CommonSolverOption.kMaxThreads, 1)
         solver = ClarabelSolver()
         options.SetOption(solver.solver_id(), "tol_feas", self.settings.tolerance)
         options.SetOption(solver.solver_id(), "tol_gap_rel", self.settings.gap)
         options.SetOption(solver.solver_id(), "tol_gap_abs", self.settings.gap * LEAST_COST)
-        options.SetOption(solver.solver_id(), "time_limit", self.settings.time_limit)
+        options.SetOption(solver.solver_id(), "time_limit", min(time_limit, self.settings.time_limit))
         options.SetOption(solver.solver_id(), "max_iter", self.settings.max_iterations)
         result = solver.Solve(self.prog, None, options)
         details = result.get_solver_details()
