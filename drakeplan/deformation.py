@@ -37,7 +37,7 @@ from scenes.scene import Scene
 from scenes.scene_file import scene_from_yaml
 from scenes.stance import Stance
 
-MAX_PER_PHASE = 10  # configurations (issue of the test of use: at most 10 a phase)
+MAX_PER_PHASE = 10  # configurations; more make the strip slower and no better
 Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 
@@ -181,6 +181,7 @@ class _Deformation:
             cone = self.plan.friction_cone if alone[c] else None
             self.choices.append(contact_choices(contact, self.robot, self.packed, self.sampling, cone))
             if not len(self.choices[c]):
+                self._spend("regions_s", began)
                 what = "no contact region flat enough to stand on alone" if alone[c] else "no contact region"
                 where = f"within {self.options.furthest:g} m of where it was"
                 reason = f"contact {c} ({contact.effector}): {what} {where}"
@@ -275,15 +276,22 @@ class _Deformation:
         return self._made_around(fault.phase) if fault.phase >= 0 else []
 
     def _blame_motion(self, motion: MotionResult) -> list[int]:
-        """Where a motion fails, the contact that the failing transition makes."""
-        return sorted({c for k in motion.failed_transitions for c in self._made_around(2 * k + 1)})
+        """Where a motion fails, the contact that the failing transition makes, or the last one made before."""
+        blamed, table = set(), self.plan.stances
+        for transition in motion.failed_transitions:
+            for k in range(min(transition, len(table) - 2), -1, -1):
+                new = table[k + 1][(table[k + 1] >= 0) & (table[k + 1] != table[k])]
+                if len(new):
+                    blamed.add(int(new[0]))
+                    break
+        return sorted(blamed)
 
     def _made_around(self, phase: int) -> list[int]:
-        """The contact that the swing of this phase, or the one before it, ends with."""
+        """The contact that the swing of this phase ends with, or the last one made before it."""
         table = self.plan.phases.contact
         for p in range(min(phase + 1, len(table) - 1), 0, -1):
             new = table[p][(table[p] >= 0) & (table[p] != table[p - 1])]
-            if len(new) and p <= phase + 1:
+            if len(new):
                 return [int(new[0])]
         return []
 

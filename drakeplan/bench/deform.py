@@ -32,6 +32,8 @@ TARGET, SECONDS = 0.60, 5.0  # share of what replanning solves, deformation time
 DEADLINE = 10.0  # [s] of search from scratch
 RESUME = "DRAKEPLAN_BENCH_RESUME"  # names a file of JSON lines: what stands there is not run again
 
+VARIES = r"( for transition \d+| at [\d.]+ s:| within [\d.]+ m).*"  # the part of a reason that names one case
+
 Case = dict[str, object]
 
 
@@ -95,11 +97,7 @@ def _category(result: DeformResult) -> str:
         return ""
     if result.status == "strip" and result.strip is not None:
         return f"strip: {result.strip.faults[0].task}"
-    if result.status == "none":
-        return re.sub(r"^contact \d+ \(\w+\): |within [\d.]+ m .*", "", result.reason).strip()
-    return re.sub(
-        r"(transition )?[\d.]+( s)?.*", "", result.reason.split(":")[0] + ": " + result.reason.partition(": ")[2]
-    )
+    return re.sub(r"^contact \d+ \(\w+\): ", "", re.sub(VARIES, "", result.reason)).strip()
 
 
 def _row(name: str, cases: list[Case]) -> tuple[object, ...]:
