@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import faulthandler
 import queue
+import time
 from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 CONNECT_TIMEOUT = 10.0  # [s]
+PATIENCE = 120.0  # [s] for which a cluster may be without workers, while they are being replaced
 
 
 class ClusterWorkers:
@@ -48,6 +50,7 @@ class ClusterWorkers:
         self._futures: dict[Task, Future] = {}
         self._suspects: deque[Task] = deque()
         self._alone: Task | None = None
+        self._address, self._last_seen = address, time.monotonic()
 
     def submit(self, task: Task) -> None:
         """Puts a task in the queue."""
@@ -63,6 +66,7 @@ class ClusterWorkers:
         try:
             task, done = self._ended.get(timeout=timeout)
         except queue.Empty:
+            self._check_workers()
             return None
         del self._futures[task]
         alone, self._alone = task == self._alone, None
@@ -81,6 +85,14 @@ class ClusterWorkers:
     ) -> None:  # fmt: skip
         self.close()
 
+    def _check_workers(self) -> None:
+        """Gives up once the cluster has had no workers for `PATIENCE`."""
+        now = time.monotonic()
+        if self._client.nthreads():
+            self._last_seen = now
+        elif now - self._last_seen > PATIENCE:
+            raise InputError(f"cluster {self._address}: it has had no workers for {PATIENCE:g} s; --resume goes on")
+
     def _outcome(self, task: Task, done: Future, alone: bool) -> Outcome | None:
         from distributed.scheduler import KilledWorker
 
@@ -88,7 +100,7 @@ class ClusterWorkers:
             table, cpu_time = done.result()
             return Outcome(task, table, "", cpu_time)
         if done.status != "error":
-            return Outcome(task, None, done.status)
+            return Outcome(task, None, str(done.status))
         error = done.exception()
         if not isinstance(error, KilledWorker):
             return Outcome(task, None, failure_line(error))  # type: ignore[arg-type]

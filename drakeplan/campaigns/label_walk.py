@@ -24,7 +24,7 @@ from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.transition_dynamics import TransitionDynamics
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
-from scenes.packed_terrain import pack_terrain
+from scenes.packed_terrain import PackedTerrain, pack_terrain
 from scenes.robot import Robot
 from scenes.transition_model import transition_model
 
@@ -175,10 +175,10 @@ class LabelWalk:
                 self._open.append(here)  # a state that was shifted too far may be judged again from elsewhere
             state = self._go_on(following)
 
-    def _first_state(self, environment: TiltedEnvironment, packed: object) -> WalkState:
+    def _first_state(self, environment: TiltedEnvironment, packed: PackedTerrain) -> WalkState:
         for start in environment.starts:
             try:
-                stance = start_stance(environment.scene(start), packed, self.robot)  # type: ignore[arg-type]
+                stance = start_stance(environment.scene(start), packed, self.robot)
             except InputError:
                 continue
             left, right = (self.pool.add_contact(c) for c in stance.contacts[:2] if c is not None)
