@@ -8,15 +8,17 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from drakeplan.phases import Schedule
-from optimization.centroidal import CentroidalEstimate, CentroidalProgram
+from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_options import CentroidalOptions, CentroidalWeights
 from optimization.centroidal_problem import CentroidalProblem
+from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
 from scenes.robot import Robot
 
 # Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes
 # the least effort over the feet, wherever the legs reach.
-WEIGHTS = CentroidalWeights(com_tracking=2e4)
+# The angular momentum is pulled to that of the motion, which swings its limbs whatever the dynamics say.
+WEIGHTS = CentroidalWeights(com_tracking=2e4, angular_momentum=10.0)
 BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
 
 
@@ -47,34 +49,57 @@ def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
     return CubicHermiteSpline(key_t, key_x, slope)(t)
 
 
-def solve_dynamics(
-    robot: Robot,
-    schedule: Schedule,
-    options: CentroidalOptions,
-    reference: np.ndarray,
-    *,
-    box: np.ndarray | tuple[float, float, float] = BOX,
-) -> CentroidalEstimate:
-    """Forces and momenta over the whole sequence, from rest to rest.
+class SequenceDynamics:
+    """Forces and momenta over one whole sequence, from rest to rest, as often as somebody asks."""
 
-    Args:
-        robot: mass and patches.
-        schedule: contacts in time.
-        options: as `centroidal_options` makes them; `dt` must divide every phase.
-        reference: (N, 3) CoM at the knots to stay near [m]; its first row is where the robot starts.
-        box: (N, 3) or (3,) half widths of the bounds around it [m].
-    """
-    t = schedule.times(options.dt)
-    held = schedule.contact_at(t[:-1])
-    problem = CentroidalProblem(
-        schedule=ContactSchedule(schedule.contacts, held, np.diff(t)),
-        mass=robot.mass,
-        half_extent=robot.half_extents,
-        initial_com=reference[0],
-        com_reference=reference,
-        com_box=np.broadcast_to(box, reference.shape),
-    )
-    return CentroidalProgram(problem, options).solve()
+    def __init__(self, robot: Robot, schedule: Schedule, cone: str, dt: float) -> None:
+        """`dt` [s] must divide every phase."""
+        self._robot, self._usual = robot, centroidal_options(robot, cone, dt)
+        t = schedule.times(dt)
+        self._contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
+        self._programs: dict[float, CentroidalProgram] = {}
+        self._last: CentroidalTrajectory | None = None
+
+    def solve(
+        self, reference: np.ndarray, spin: np.ndarray, box: np.ndarray | None = None
+    ) -> tuple[CentroidalTrajectory | None, str]:
+        """A feasible trajectory near the reference, or the reason why there is none.
+
+        Args:
+            reference: (N, 3) CoM at the knots to stay near [m]; its first row is where the robot starts.
+            spin: (N, 3) angular momentum to stay near [N m s].
+            box: (N, 3) half widths of hard bounds around it [m]; without, the pull gives way where `BOX` is too small.
+        """
+        tries = [(1.0, BOX if box is None else box)]
+        if box is None:
+            tries += [(0.2, 2.0 * np.array(BOX)), (0.05, np.full(3, np.inf))]
+        reason = ""
+        for pull, half in tries:
+            problem = CentroidalProblem(
+                schedule=self._contacts,
+                mass=self._robot.mass,
+                half_extent=self._robot.half_extents,
+                initial_com=reference[0],
+                com_reference=reference,
+                com_box=np.broadcast_to(half, reference.shape),
+                angular_momentum_reference=np.vstack([np.zeros(3), spin[1:]]),
+            )
+            estimate = self._program(pull, problem).solve()
+            if estimate.feasible:
+                self._last = estimate.trajectory
+                return estimate.trajectory, ""
+            reason = f"the dynamics are infeasible: {estimate.reason}"
+        return None, reason
+
+    def _program(self, pull: float, problem: CentroidalProblem) -> CentroidalProgram:
+        known = self._programs.get(pull)
+        if known is None:
+            known = self._programs[pull] = CentroidalProgram(problem, relaxed(self._usual, pull))
+        else:
+            known.update(problem)
+        if self._last is not None:
+            known.start_from(self._last)
+        return known
 
 
 def relaxed(options: CentroidalOptions, factor: float) -> CentroidalOptions:

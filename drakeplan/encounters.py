@@ -102,7 +102,8 @@ class ProximityMonitor:
         self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
         self._query_context = self._scene_graph.GetMyContextFromRoot(self._context)
         inspector = self._scene_graph.model_inspector()
-        self._home: dict[GeometryId, tuple[int, np.ndarray, np.ndarray, str, int]] = {}
+        self._row: dict[GeometryId, int] = {}
+        home: list[tuple[int, np.ndarray, int, str]] = []
         for geometry in inspector.GetAllGeometryIds():
             if inspector.GetProximityProperties(geometry) is None:
                 continue
@@ -111,33 +112,41 @@ class ProximityMonitor:
             link, X_LB = TERRAIN, np.eye(4)
             if geometry not in robot_plant.terrain_geometry:
                 link, X_LB = kinematics.bodies[body.name()]
-            X_LG = X_LB @ X_BG
             effector = next((e for e in range(len(EFFECTORS)) if geometry in robot_plant.effector_geometry[e]), -1)
             name = robot_plant.body_of(geometry)
-            self._home[geometry] = (link, X_LG[:3, :3].copy(), X_LG[:3, 3].copy(), name, effector)
+            self._row[geometry] = len(home)
+            home.append((link, X_LB @ X_BG, effector, name))
+        self._link = np.array([h[0] for h in home], dtype=np.int64)
+        self._X_LG = np.array([h[1] for h in home]).reshape(-1, 4, 4)
+        self._effector = np.array([h[2] for h in home], dtype=np.int64)
+        self._name = [h[3] for h in home]
 
     def near(self, q: np.ndarray, frames: Iterable[int], distance: float) -> Encounters:
         """Every pair closer than `distance` [m] in the given frames of q (T, nq), frames ascending."""
-        frame, gap, link, point, normal, effector, bodies = [], [], [], [], [], [], []
+        frame: list[int] = []
+        row: list[tuple[int, int]] = []
+        gap: list[float] = []
+        point: list[tuple[np.ndarray, np.ndarray]] = []
+        normal: list[np.ndarray] = []
         for t in frames:
             self._plant.SetPositions(self._plant_context, q[t])
             query: QueryObject = self._scene_graph.get_query_output_port().Eval(self._query_context)  # type: ignore
             for pair in query.ComputeSignedDistancePairwiseClosestPoints(distance):
-                a, b = self._home[pair.id_A], self._home[pair.id_B]
                 frame.append(t)
+                row.append((self._row[pair.id_A], self._row[pair.id_B]))
                 gap.append(pair.distance)
-                link.append((a[0], b[0]))
-                point.append((a[1] @ pair.p_ACa + a[2], b[1] @ pair.p_BCb + b[2]))
+                point.append((pair.p_ACa, pair.p_BCb))
                 normal.append(pair.nhat_BA_W)
-                meets_terrain = (a[0] == TERRAIN) != (b[0] == TERRAIN)
-                effector.append(max(a[4], b[4]) if meets_terrain else -1)
-                bodies.append((a[3], b[3]))
+        pairs = np.array(row, dtype=np.int64).reshape(-1, 2)
+        X_LG, link = self._X_LG[pairs], self._link[pairs]
+        in_geometry = np.array(point, dtype=float).reshape(-1, 2, 3)
+        meets_terrain = (link == TERRAIN).any(axis=1) & (link != TERRAIN).any(axis=1)
         return Encounters(
             np.array(frame, dtype=np.int64),
             np.array(gap, dtype=float),
-            np.array(link, dtype=np.int64).reshape(-1, 2),
-            np.array(point, dtype=float).reshape(-1, 2, 3),
+            link,
+            np.einsum("rsab,rsb->rsa", X_LG[..., :3, :3], in_geometry) + X_LG[..., :3, 3],
             np.array(normal, dtype=float).reshape(-1, 3),
-            np.array(effector, dtype=np.int64),
-            tuple(bodies),
+            np.where(meets_terrain, self._effector[pairs].max(axis=1), -1),
+            tuple((self._name[a], self._name[b]) for a, b in pairs),
         )

@@ -15,14 +15,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drakeplan.dynamics import BOX, centroidal_options, relaxed, solve_dynamics
+from drakeplan.dynamics import SequenceDynamics
 from drakeplan.encounters import ProximityMonitor
+from drakeplan.free_timing import effort, free_durations
 from drakeplan.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion_check import Problem, velocities
 from drakeplan.motion_frames import MotionFrames, Setting
 from drakeplan.phases import Schedule, make_schedule
 from drakeplan.progress import Progress, ProgressEvent
 from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.momentum_gap import MomentumGap
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
 from scenes.plant import RobotPlant, build_plant
@@ -30,6 +32,10 @@ from scenes.robot import Robot
 from scenes.stance import Stance
 from scenes.terrain import Terrain
 
+FREE_BOUNDS = (
+    (0.6, 1.6),
+    (0.8, 1.25),
+)  # of free durations, as factors; the next where joints are too slow for the first
 MAX_STRETCH = 5.0  # times its limit up to which a speed or jerk gets more time; a jump would not be mended by that
 
 
@@ -43,6 +49,7 @@ class MotionOptions:
         shift: time to shift the CoM before each swing [s] (Lin 2020 sec. 6.7).
         swing: time to move an end effector [s].
         rest: time to come to rest at the end [s].
+        free: whether all of these are then changed for less effort, in the same time altogether.
         rate: frames of the motion per second [Hz].
         clearance: margin of swinging feet and palms to the terrain [m].
         rounds: of repairs within one timing.
@@ -54,6 +61,7 @@ class MotionOptions:
     shift: float = 1.0
     swing: float = 1.0
     rest: float = 1.0
+    free: bool = False
     rate: int = 50
     clearance: float = 0.025
     rounds: int = 4
@@ -76,6 +84,7 @@ class MotionResult:
         position_names, velocity_names: of the plant.
         timings: "dynamics_s" (key postures and centroidal program) and "motion_s" [s].
         problems: what is left.
+        gaps: momenta of the motion less those of the dynamics, after each iteration of the two.
     """
 
     ok: bool
@@ -90,6 +99,7 @@ class MotionResult:
     velocity_names: tuple[str, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     problems: tuple[Problem, ...] = ()
+    gaps: tuple[MomentumGap, ...] = ()
 
 
 def make_motion(
@@ -145,7 +155,29 @@ class MotionMaker:
             if longer is None:
                 break
             shift, swing = longer
-        return min(results, key=lambda r: (r.centroidal is None, len(r.problems)))
+        best = min(results, key=lambda r: (r.centroidal is None, len(r.problems)))
+        return self._with_free_timing(best, timings, tell) if self.options.free and best.ok else best
+
+    def _with_free_timing(
+        self, fixed: MotionResult, timings: dict[str, float], tell: Callable[[ProgressEvent], None]
+    ) -> MotionResult:
+        """The motion with durations of least effort where it holds and takes less; the given one where not."""
+        cone, dt = self.options.cone, self.options.dt
+        for bounds in FREE_BOUNDS:
+            began = time.perf_counter()
+            durations = free_durations(self.robot, fixed.schedule, cone, dt, bounds)
+            timings["dynamics_s"] += time.perf_counter() - began
+            if durations is None:
+                continue
+            shift, swing, rest = durations
+            schedule = make_schedule(fixed.schedule.stances, shift=shift, swing=swing, rest=rest)
+            result = self._attempt(schedule, timings, tell)
+            if not result.ok or result.centroidal is None or fixed.centroidal is None:
+                continue
+            efforts = [effort(self.robot, r.schedule, cone, r.centroidal) for r in (result, fixed)]  # type: ignore[arg-type]
+            if efforts[0] < efforts[1]:
+                return result
+        return fixed
 
     def _attempt(self, schedule: Schedule, timings: dict[str, float], tell: Progress) -> MotionResult:
         began = time.perf_counter()
@@ -157,7 +189,8 @@ class MotionMaker:
             timings["dynamics_s"] += time.perf_counter() - began
             reason = "no posture for " + ", ".join(f"transition {k}" for k in failed)
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
-        frames = MotionFrames(self.setting, schedule, keys, lambda course, box: self._dynamics(schedule, course, box))
+        dynamics = SequenceDynamics(self.robot, schedule, self.options.cone, self.options.dt)
+        frames = MotionFrames(self.setting, schedule, keys, dynamics)
         reason = frames.solve_dynamics(schedule.times(self.options.dt))
         timings["dynamics_s"] += time.perf_counter() - began
         if reason:
@@ -182,23 +215,8 @@ class MotionMaker:
             velocity_names=tuple(plant.GetVelocityNames()),
             timings=timings,
             problems=tuple(problems),
+            gaps=frames.gaps,
         )
-
-    def _dynamics(
-        self, schedule: Schedule, reference: np.ndarray, box: np.ndarray | None
-    ) -> tuple[CentroidalTrajectory | None, str]:
-        """A feasible trajectory near the reference; without a box to keep, the pull gives way where there is none."""
-        usual = centroidal_options(self.robot, self.options.cone, self.options.dt)
-        tries = [(usual, np.array(BOX) if box is None else box)]
-        if box is None:
-            tries += [(relaxed(usual, 0.2), 2.0 * np.array(BOX)), (relaxed(usual, 0.05), np.full(3, np.inf))]
-        reason = ""
-        for options, half in tries:
-            estimate = solve_dynamics(self.robot, schedule, options, reference, box=half)
-            if estimate.feasible:
-                return estimate.trajectory, ""
-            reason = f"the dynamics are infeasible: {estimate.reason}"
-        return None, reason
 
     def _longer(
         self, schedule: Schedule, result: MotionResult, shift: np.ndarray, swing: np.ndarray

@@ -12,6 +12,7 @@ from drakeplan.encounters import Encounters
 from drakeplan.phases import Schedule
 from optimization.frame_task import LEVER
 from optimization.kinematics import Kinematics, difference
+from optimization.momentum_tracking import motion_poses
 
 # The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
@@ -97,8 +98,7 @@ def find_problems(
             found.append(Problem(kind, int(k), float(t[frames[worst]]), float(values[worst]), limit, about[worst]))
 
     frames = np.arange(len(t))
-    X_WE = np.array([kinematics.effector_poses(x) for x in q])
-    com = np.array([kinematics.com(x) for x in q])
+    X_WE, com = motion_poses(kinematics.tree, q)
     for e in range(X_WE.shape[1]):
         error = held_error(schedule, t, X_WE[:, e], e)
         add("held", frames, error, HELD, [kinematics.frames[e]] * len(t))

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drakeplan.dynamics import BOX, through
+from drakeplan.dynamics import BOX, SequenceDynamics, through
 from drakeplan.encounters import Encounters, ProximityMonitor
 from drakeplan.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
 from drakeplan.motion_check import Problem, find_problems
 from drakeplan.motion_targets import (
     FAINT,
     Detour,
+    at_times,
     contact_room,
     effector_targets,
+    momentum_course,
     motion_targets,
     plan_swings,
     posture_reference,
@@ -24,8 +26,11 @@ from drakeplan.motion_targets import (
     smoothed,
 )
 from drakeplan.phases import MOVE, Schedule
+from optimization.alternation import alternate
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.frame_task import frame_targets
+from optimization.momentum_gap import Gap, MomentumGap
+from optimization.momentum_tracking import MomentumTargets, motion_momentum, motion_poses, track_momentum
 from optimization.posture_tracking import TrackedPostures, track_postures
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import PackedTerrain
@@ -34,6 +39,12 @@ from scenes.robot import Robot
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most
 CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
+FOLLOW = (0.1, 0.05)  # weights of angular and linear momentum [1/(N m s), s/(kg m)]
+CALM = 3e-4  # weight of accelerations [s^2/rad]
+GENTLE = 0.95  # share of the joints' speed limits that all frames together aim to keep
+STEPS, ENOUGH = 4, 0.03  # of Gauss-Newton over all frames, and the relative decrease of cost that ends it
+ITERATIONS = 3  # of dynamics and motion
+AGREEMENT = MomentumGap(Gap(0.016, 0.016), Gap(2.0, 6.0), Gap(1.0, 4.0))  # good enough: better than promised
 SMOOTHINGS = 3  # of the whole motion, each followed by another look for collisions
 SMEAR = 0.04  # [s] standard deviation of smoothing
 FAITHFUL, FIRM_COM = 10.0, 40.0  # how much harder than usual the smoothed posture is held to; the CoM's weight then
@@ -42,8 +53,6 @@ COM_FEEDBACK, NEAR_FEEDBACK = 0.008, 0.3  # [m, s] a CoM this far off goes back 
 TIGHTER, LEAST_BOX = 0.3, 0.004  # how the CoM's bounds shrink there each time, and the least of them [m]
 WIDER_ARMS, MOST_SPREAD = 0.03, 0.13  # [m] how much further free arms keep away each time, and at most
 HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
-
-Solve = Callable[[np.ndarray, np.ndarray | None], tuple[CentroidalTrajectory | None, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +88,13 @@ class MotionFrames:
 
     trajectory: CentroidalTrajectory
 
-    def __init__(self, setting: Setting, schedule: Schedule, keys: KeyPostures, solve: Solve) -> None:
-        """`solve` finds momenta near a CoM reference (N, 3), within half widths (N, 3) or as near as it can."""
+    def __init__(self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics) -> None:
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)
         self.dynamics_s = 0.0
-        self._solve = solve
+        self.gaps: tuple[MomentumGap, ...] = ()
+        self._dynamics = dynamics
         self._held = schedule.contact_at(self.t) >= 0
         self._room = contact_room(schedule, self.t)
         self._detours: dict[int, Detour] = {}
@@ -95,14 +104,30 @@ class MotionFrames:
         self._plan_course()
 
     def solve_dynamics(self, knots: np.ndarray) -> str:
-        """Momenta along the course at these times (N,); the reason where there are none, else ""."""
-        self._box = np.tile(BOX, (len(knots), 1))
+        """Momenta along the course at these times (N,); the reason where there are none, else "".
+
+        The postures of the course swing their limbs already: the dynamics start with their angular momentum.
+        """
+        self._knots, self._box = knots, np.tile(BOX, (len(knots), 1))
+        q = posture_reference(self._course, self.t)
+        _, momentum = motion_momentum(self.tree, q, np.diff(self.t))
+        return self._solve(self._at_knots(momentum[:, :3]), None)
+
+    def _solve(self, spin: np.ndarray, box: np.ndarray | None) -> str:
         began = time.perf_counter()
-        trajectory, reason = self._solve(through(self._course.t, self._course.com, knots), None)
+        reference = through(self._course.t, self._course.com, self._knots)
+        trajectory, reason = self._dynamics.solve(reference, spin, box)
         self.dynamics_s += time.perf_counter() - began
         if trajectory is not None:
-            self.trajectory = trajectory
+            self.trajectory, self._spin = trajectory, spin
         return reason
+
+    def _at_knots(self, between: np.ndarray) -> np.ndarray:
+        """(N, 3) of values (T - 1, 3) between the frames, 0 at both ends."""
+        middle = 0.5 * (self.t[1:] + self.t[:-1])
+        values = at_times(middle, between, self._knots)
+        values[[0, -1]] = 0.0
+        return values
 
     @property
     def q(self) -> np.ndarray:
@@ -114,22 +139,26 @@ class MotionFrames:
         self._retarget()
         self._answer = self._track(np.repeat(self.keys.q[:1], len(self.t), axis=0), chained=True)
         self._guide_palms()
-        tried: list[tuple[list[Problem], CentroidalTrajectory, TrackedPostures]] = []
+        tried: list[tuple[list[Problem], CentroidalTrajectory, TrackedPostures, tuple[MomentumGap, ...]]] = []
         for _ in range(rounds):
             self._look()
             self._keep_apart(CLOSE)
             if self._feed_back():
                 self._keep_apart(CLOSE)
+            first = self._measure()
+            self._feed_spin_back()
+            rest = alternate(self._settle, self._feed_spin_back, iterations=ITERATIONS - 1, agreement=AGREEMENT)
+            gaps = (first, *rest)
             for _ in range(SMOOTHINGS):
-                self._smooth()
                 if not self._keep_apart(TOUCHING):
                     break
+                gaps = (*gaps[:-1], self._settle())
             problems = self._problems()
-            tried.append((problems, self.trajectory, self._answer))
+            tried.append((problems, self.trajectory, self._answer, gaps))
             if not problems or not self._try_harder(problems):
                 break
             self._restart()
-        problems, self.trajectory, self._answer = min(tried, key=lambda one: len(one[0]))
+        problems, self.trajectory, self._answer, self.gaps = min(tried, key=lambda one: len(one[0]))
         return problems
 
     def _restart(self) -> None:
@@ -164,25 +193,60 @@ class MotionFrames:
         if not wanted.any():
             return
         self._free = np.tile(np.eye(4), (*self._held.shape, 1, 1))
-        for f in np.flatnonzero(wanted):
-            self._free[f] = self.setting.ik.kinematics.effector_poses(self.q[f])
+        self._free[wanted] = motion_poses(self.tree, self.q[wanted])[0]
         self._aim()
         self._answer = self._track(self.q, solve=wanted)
 
     def _track(self, q: np.ndarray, *, chained: bool = False, solve: np.ndarray | None = None) -> TrackedPostures:
         return track_postures(self.tree, self._targets, q, solve=solve, chained=chained, max_iterations=12)
 
-    def _smooth(self) -> None:
-        """Takes out what jerks: every frame once more, near the smoothed motion as far as contacts and CoM allow."""
+    def _settle(self) -> MomentumGap:
+        """All frames together: momenta as the dynamics say, bodies apart, no jerks, near the motion as it is."""
         _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
+        num, step = len(self.t), 1.0 / self.setting.rate
+        com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
+        momentum = momentum_course(self.trajectory, com, self.t, self.tree.total_mass)
         q = smoothed(self.q, SMEAR * self.setting.rate)
-        faithful = FAITHFUL * posture_weight(len(self.tree.lower))
+        wanted = self._wanted(self._met)
+        free = np.isfinite(wanted)
         self._targets = replace(
-            self._targets, q_ref=q, posture_weight=faithful, place_weight=weight[:, :, 0],
-            turn_weight=weight[:, :, 1], com_weight=np.full((len(self.t), 3), FIRM_COM),
+            self._targets, q_ref=q, posture_weight=FAITHFUL * posture_weight(len(self.tree.lower)),
+            place_weight=weight[:, :, 0], turn_weight=weight[:, :, 1], com=com, com_weight=np.full((num, 3), FIRM_COM),
         )  # fmt: skip
-        self._answer = self._track(q)
+        nv = q.shape[1] - 1
+        links = MomentumTargets(
+            dt=np.full(num - 1, step),
+            momentum=momentum,
+            weight=np.tile(np.repeat(FOLLOW, 3), (num - 1, 1)),
+            smooth=np.full(nv, CALM),
+            speed=GENTLE * self.tree.speed,
+            v_start=np.zeros(nv),
+            v_end=np.zeros(nv),
+        )
+        targets = replace(self._targets, rows=self._met.where(free).rows(num, wanted[free]))
+        motion = track_momentum(self.tree, targets, links, q, max_iterations=STEPS, tolerance=ENOUGH)
+        self._answer = TrackedPostures(motion.q, motion.effector_error, motion.com - com, np.zeros(num, np.int64))
+        self._momentum = motion.momentum
         self._look()
+        return self._gap(motion.com, motion.momentum)
+
+    def _measure(self) -> MomentumGap:
+        """The frames as they are, each made by itself: their momenta once they are smooth."""
+        com, self._momentum = motion_momentum(self.tree, smoothed(self.q, SMEAR * self.setting.rate), np.diff(self.t))
+        return self._gap(com, self._momentum)
+
+    def _gap(self, com: np.ndarray, momentum: np.ndarray) -> MomentumGap:
+        """CoM (T, 3) and momenta (T - 1, 6) of the motion less those of the dynamics, linear between its knots."""
+        c, middle = self.trajectory, 0.5 * (self.t[1:] + self.t[:-1])
+        return MomentumGap(
+            Gap.of(com - at_times(c.t, c.com, self.t)),
+            Gap.of(momentum[:, 3:] - at_times(c.t, c.linear_momentum, middle)),
+            Gap.of(momentum[:, :3] - at_times(c.t, c.angular_momentum, middle)),
+        )
+
+    def _feed_spin_back(self) -> bool:
+        """The dynamics once more, with the motion's own angular momentum."""
+        return not self._solve(self._at_knots(self._momentum[:, :3]), self._box)
 
     # ---- bodies that come too near
 
@@ -240,18 +304,14 @@ class MotionFrames:
         error = np.linalg.norm(self._answer.com_error, axis=1)
         if error.max() < COM_FEEDBACK:
             return False
-        began = time.perf_counter()
-        knots = self.trajectory.t
-        frame = np.round(knots * self.setting.rate).astype(int)
+        frame = np.round(self._knots * self.setting.rate).astype(int)
         around = round(NEAR_FEEDBACK * self.setting.rate)
         off = np.array([error[max(f - around, 0) : f + around + 1].max() for f in frame])
         box = np.where((off > 0.5 * COM_FEEDBACK)[:, None], np.maximum(TIGHTER * self._box, LEAST_BOX), self._box)
-        trajectory, _ = self._solve(through(self._course.t, self._course.com, knots), box)
-        self.dynamics_s += time.perf_counter() - began
-        self._bound = trajectory is None
-        if trajectory is None:
+        self._bound = bool(self._solve(self._spin, box))
+        if self._bound:
             return False
-        self.trajectory, self._box = trajectory, box
+        self._box = box
         self._restart()
         self._look()
         return True
@@ -274,7 +334,7 @@ class MotionFrames:
         return before != (self._apart, self._spread) or detours != self._detours or off
 
     def _problems(self) -> list[Problem]:
-        com = np.stack([np.interp(self.t, self.trajectory.t, self.trajectory.com[:, i]) for i in range(3)], axis=1)
+        com = at_times(self.trajectory.t, self.trajectory.com, self.t)
         return find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met)
 
 

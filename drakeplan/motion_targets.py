@@ -14,6 +14,7 @@ from drakeplan.dynamics import through
 from drakeplan.key_postures import COM, HOLD, Course, posture_weight
 from drakeplan.phases import BREAK, MAKE, MOVE, Schedule
 from drakeplan.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
+from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.frame_task import LEVER, TrackingTargets
 from optimization.kinematic_tree import KinematicTree
 from scenes.effector import is_foot
@@ -23,11 +24,12 @@ from scenes.robot import Robot
 
 NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and turn beside its contacts
 AIR = np.array([4.0, 0.5])  # and in the air, where the CoM leads and an ankle at its limit may give way
-FAINT = np.array([2.0, 0.15])  # and in the air of a motion that is only smoothed
+FAINT = np.array([8.0, 1.0])  # and in the air of a motion that is only smoothed
 NEARBY = 0.15  # share of the swing over which one changes into the other
 GUIDED = (0.0, 0.55)  # shares of a palm's way to its wall between which its curve takes over from the free arm
 AROUND = 0.8  # how far that way bends away from the wall, in heights over the contact
 TOUCH = 0.5  # share of that way over which it then goes from before the wall to the wall
+LATE = 0.15  # of an interval between knots that the CoM's course is played late
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
 
@@ -151,10 +153,30 @@ def smoothed(q: np.ndarray, frames: float) -> np.ndarray:
 
 
 def smooth_com(knot_t: np.ndarray, knot_com: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(T, 3) twice continuously differentiable course through the knots' CoM, at rest at both ends [m]."""
+    """(T, 3) twice continuously differentiable course through the knots' CoM, at rest at both ends [m].
+
+    The knots' momentum is the mean of the interval before, com[n+1] = com[n] + dt l[n+1] / M, so that a course through
+    the knots has it half an interval early. Played `LATE` of an interval late it lies between the two.
+    """
     if len(knot_t) < 3:
         return np.array([np.interp(t, knot_t, knot_com[:, i]) for i in range(3)]).T
-    return CubicSpline(knot_t, knot_com, bc_type="clamped")(t)
+    late = LATE * (knot_t[1] - knot_t[0])
+    return CubicSpline(knot_t, knot_com, bc_type="clamped")(np.clip(t - late, knot_t[0], knot_t[-1]))
+
+
+def momentum_course(trajectory: CentroidalTrajectory, com: np.ndarray, t: np.ndarray, mass: float) -> np.ndarray:
+    """(T - 1, 6) angular [N m s] and linear [kg m/s] momentum from each frame to the next.
+
+    The linear one is that of the course of the CoM (T, 3), the angular one the dynamics'.
+    """
+    middle = 0.5 * (t[1:] + t[:-1])
+    angular = at_times(trajectory.t, trajectory.angular_momentum, middle)
+    return np.hstack([angular, mass * np.diff(com, axis=0) / np.diff(t)[:, None]])
+
+
+def at_times(knot_t: np.ndarray, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(n, 3) values between the knots' x (N, 3), linear as between the rows of a plan file."""
+    return np.stack([np.interp(t, knot_t, x[:, i]) for i in range(3)], axis=1)
 
 
 def motion_targets(

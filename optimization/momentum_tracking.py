@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.linalg import LinAlgError, solveh_banded
 
+from optimization.banded_cholesky import solve_band
 from optimization.frame_task import (
     FrameErrors,
     FrameTask,
@@ -33,7 +33,15 @@ from optimization.frame_task import (
     normal_equations,
     task_of_frame,
 )
-from optimization.kinematic_tree import KinematicTree, difference, forward, integrate, momentum_matrix
+from optimization.kinematic_tree import (
+    KinematicTree,
+    center_of_mass,
+    difference,
+    forward,
+    frame_pose,
+    integrate,
+    momentum_matrix,
+)
 
 SPEED_WEIGHT = 3.0  # [s/rad] of what a joint is too fast
 STEP = 0.3  # [rad, m] greatest change of any unknown in one step
@@ -170,6 +178,14 @@ def motion_momentum(tree: KinematicTree, q: np.ndarray, dt: np.ndarray) -> tuple
     return com, momentum
 
 
+def motion_poses(tree: KinematicTree, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, E, 4, 4) poses of the named frames in W [m] and (T, 3) CoM [m] of a motion q (T, nq)."""
+    X_WE, com = np.zeros((len(q), len(tree.frame_link), 4, 4)), np.empty((len(q), 3))
+    X_WE[..., 3, 3] = 1.0
+    _poses(tree, np.array(q, dtype=float, order="C"), X_WE, com)
+    return X_WE, com
+
+
 def _links(links: MomentumTargets, num_frames: int, nv: int) -> _Links:
     nan = np.full(nv, np.nan)
     fixed = np.zeros(num_frames, np.bool_) if links.fixed is None else np.array(links.fixed, dtype=np.bool_)
@@ -186,11 +202,9 @@ def _step(
     """Writes the trial motion that one step makes of q; False where the equations cannot be solved."""
     band, g = normal.band.copy(), normal.g.copy()
     _hold(frames, fixed, damping, q, band, g)
-    try:
-        dv = solveh_banded(band.T, g, lower=True, overwrite_ab=True, overwrite_b=True, check_finite=False)
-    except LinAlgError:
+    if not solve_band(band, g):
         return False
-    _move(frames, fixed, q, dv, trial)
+    _move(frames, fixed, q, g, trial)
     return bool(np.isfinite(trial).all())
 
 
@@ -369,3 +383,14 @@ def _momentum(tree: KinematicTree, q: np.ndarray, dt: np.ndarray, com: np.ndarra
                 for i in range(nv):
                     momentum[t - 1, a] += 0.5 * (A[0, a, i] + A[1, a, i]) * v[i] / dt[t - 1]
                 momentum[t - 1, 3 + a] = tree.total_mass * (com[t, a] - com[t - 1, a]) / dt[t - 1]
+
+
+@njit(cache=True)
+def _poses(tree: KinematicTree, q: np.ndarray, X_WE: np.ndarray, com: np.ndarray) -> None:
+    n = tree.parent.shape[0]
+    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
+    for t in range(q.shape[0]):
+        forward(tree, q[t], R, p)
+        center_of_mass(tree, R, p, com[t])
+        for e in range(X_WE.shape[1]):
+            frame_pose(tree, R, p, e, X_WE[t, e, :3, :3], X_WE[t, e, :3, 3])
