@@ -50,13 +50,17 @@ def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 class SequenceDynamics:
-    """Forces and momenta over one whole sequence, from rest to rest, as often as somebody asks."""
+    """Forces and momenta over one whole sequence, from rest to rest, as often as somebody asks.
+
+    Attributes:
+        contacts: which of them may carry load when.
+    """
 
     def __init__(self, robot: Robot, schedule: Schedule, cone: str, dt: float) -> None:
         """`dt` [s] must divide every phase."""
         self._robot, self._usual = robot, centroidal_options(robot, cone, dt)
         t = schedule.times(dt)
-        self._contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
+        self.contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
         self._programs: dict[float, CentroidalProgram] = {}
         self._last: CentroidalTrajectory | None = None
 
@@ -76,7 +80,7 @@ class SequenceDynamics:
         reason = ""
         for pull, half in tries:
             problem = CentroidalProblem(
-                schedule=self._contacts,
+                schedule=self.contacts,
                 mass=self._robot.mass,
                 half_extent=self._robot.half_extents,
                 initial_com=reference[0],

@@ -24,6 +24,8 @@ from drakeplan.motion_frames import MotionFrames, Setting
 from drakeplan.phases import Schedule, make_schedule
 from drakeplan.progress import Progress, ProgressEvent
 from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.inverse_dynamics import effort_limits
+from optimization.joint_torques import motion_torques
 from optimization.momentum_gap import MomentumGap
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
@@ -54,6 +56,7 @@ class MotionOptions:
         clearance: margin of swinging feet and palms to the terrain [m].
         rounds: of repairs within one timing.
         attempts: timings tried.
+        feedback: whether dynamics and motion are made to agree; without, each motion follows the CoM alone.
     """
 
     cone: str = "inner"
@@ -66,6 +69,22 @@ class MotionOptions:
     clearance: float = 0.025
     rounds: int = 4
     attempts: int = 3
+    feedback: bool = True
+
+
+@dataclass(frozen=True)
+class TorqueNeed:
+    """The joint torque of a motion that is greatest in its joint's limit.
+
+    Attributes:
+        share: of the limit; above 1 the robot cannot play the motion.
+        joint: its name.
+        time: when [s].
+    """
+
+    share: float
+    joint: str
+    time: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +104,7 @@ class MotionResult:
         timings: "dynamics_s" (key postures and centroidal program) and "motion_s" [s].
         problems: what is left.
         gaps: momenta of the motion less those of the dynamics, after each iteration of the two.
+        torque: greatest joint torque under the planned contact forces; None without a motion.
     """
 
     ok: bool
@@ -100,6 +120,7 @@ class MotionResult:
     timings: dict[str, float] = field(default_factory=dict)
     problems: tuple[Problem, ...] = ()
     gaps: tuple[MomentumGap, ...] = ()
+    torque: TorqueNeed | None = None
 
 
 def make_motion(
@@ -138,8 +159,11 @@ class MotionMaker:
         self.robot_plant = robot_plant or build_plant(robot, terrain)
         ik = ik or WholeBodyIK(robot)
         monitor = ProximityMonitor(self.robot_plant, ik.kinematics)
-        self.setting = Setting(robot, ik, monitor, pack_terrain(terrain), options.rate, options.clearance)
+        self.setting = Setting(
+            robot, ik, monitor, pack_terrain(terrain), options.rate, options.clearance, options.feedback
+        )
         self.regions = BalanceRegions(robot, options.cone)
+        self.effort = effort_limits(self.robot_plant.plant)
 
     def run(self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None]) -> MotionResult:
         """Tries the usual timing, then longer phases where joints were too fast or the dynamics infeasible."""
@@ -202,6 +226,7 @@ class MotionMaker:
         timings["motion_s"] += time.perf_counter() - began - frames.dynamics_s
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
         plant = self.robot_plant.plant
+        v = velocities(frames.q, frames.t[1] - frames.t[0])
         return MotionResult(
             ok=not problems,
             reason=f"the motion fails: {problems[0]}{more}" if problems else "",
@@ -210,13 +235,21 @@ class MotionMaker:
             centroidal=frames.trajectory,
             t=frames.t,
             q=frames.q,
-            v=velocities(frames.q, frames.t[1] - frames.t[0]),
+            v=v,
             position_names=tuple(plant.GetPositionNames()),
             velocity_names=tuple(plant.GetVelocityNames()),
             timings=timings,
             problems=tuple(problems),
             gaps=frames.gaps,
+            torque=self._torque(frames, dynamics, v),
         )
+
+    def _torque(self, frames: MotionFrames, dynamics: SequenceDynamics, v: np.ndarray) -> TorqueNeed:
+        kinematics = self.setting.ik.kinematics
+        tau = motion_torques(kinematics.tree, frames.t, frames.q, v, frames.trajectory, dynamics.contacts)
+        share = np.abs(tau) / self.effort
+        frame, joint = np.unravel_index(int(share.argmax()), share.shape)
+        return TorqueNeed(float(share[frame, joint]), kinematics.joint_names[joint], float(frames.t[frame]))
 
     def _longer(
         self, schedule: Schedule, result: MotionResult, shift: np.ndarray, swing: np.ndarray

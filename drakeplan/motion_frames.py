@@ -66,6 +66,7 @@ class Setting:
         packed: the terrain.
         rate: frames per second [Hz].
         clearance: margin of swinging feet and palms to the terrain [m].
+        feedback: whether dynamics and motion are made to agree.
     """
 
     robot: Robot
@@ -74,6 +75,7 @@ class Setting:
     packed: PackedTerrain
     rate: int
     clearance: float
+    feedback: bool = True
 
 
 class MotionFrames:
@@ -111,7 +113,7 @@ class MotionFrames:
         self._knots, self._box = knots, np.tile(BOX, (len(knots), 1))
         q = posture_reference(self._course, self.t)
         _, momentum = motion_momentum(self.tree, q, np.diff(self.t))
-        return self._solve(self._at_knots(momentum[:, :3]), None)
+        return self._solve(self._at_knots(momentum[:, :3]) * self.setting.feedback, None)
 
     def _solve(self, spin: np.ndarray, box: np.ndarray | None) -> str:
         began = time.perf_counter()
@@ -145,10 +147,7 @@ class MotionFrames:
             self._keep_apart(CLOSE)
             if self._feed_back():
                 self._keep_apart(CLOSE)
-            first = self._measure()
-            self._feed_spin_back()
-            rest = alternate(self._settle, self._feed_spin_back, iterations=ITERATIONS - 1, agreement=AGREEMENT)
-            gaps = (first, *rest)
+            gaps = self._agree()
             for _ in range(SMOOTHINGS):
                 if not self._keep_apart(TOUCHING):
                     break
@@ -217,7 +216,7 @@ class MotionFrames:
         links = MomentumTargets(
             dt=np.full(num - 1, step),
             momentum=momentum,
-            weight=np.tile(np.repeat(FOLLOW, 3), (num - 1, 1)),
+            weight=np.tile(np.repeat(FOLLOW, 3), (num - 1, 1)) * self.setting.feedback,
             smooth=np.full(nv, CALM),
             speed=GENTLE * self.tree.speed,
             v_start=np.zeros(nv),
@@ -229,6 +228,14 @@ class MotionFrames:
         self._momentum = motion.momentum
         self._look()
         return self._gap(motion.com, motion.momentum)
+
+    def _agree(self) -> tuple[MomentumGap, ...]:
+        """Dynamics and motion in turns; at first the motion as it is, then all its frames together."""
+        first = self._measure()
+        if not self.setting.feedback:
+            return first, self._settle()
+        self._feed_spin_back()
+        return first, *alternate(self._settle, self._feed_spin_back, iterations=ITERATIONS - 1, agreement=AGREEMENT)
 
     def _measure(self) -> MomentumGap:
         """The frames as they are, each made by itself: their momenta once they are smooth."""

@@ -40,6 +40,31 @@ def joint_torques(
     return tau[:, 6:]
 
 
+def motion_torques(
+    tree: KinematicTree,
+    t: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    trajectory: CentroidalTrajectory,
+    schedule: ContactSchedule,
+) -> np.ndarray:
+    """(T, nv - 6) joint torques of a motion that is played under the forces of a trajectory [N m].
+
+    Accelerations are differences of the velocities about each frame. Forces are those of the interval that a frame
+    falls into; the mean of two at the knot between them.
+
+    Args:
+        t: (T,) times of the frames [s].
+        q: (T, nq).
+        v: (T, nv).
+        trajectory, schedule: what `schedule.contacts` carry when.
+    """
+    wrench = contact_wrenches(trajectory, schedule)
+    last = len(trajectory.t) - 2
+    ahead, behind = (np.clip(np.searchsorted(trajectory.t, t + e, side="right") - 1, 0, last) for e in (1e-6, -1e-6))
+    return joint_torques(tree, q, v, np.gradient(v, t, axis=0), 0.5 * (wrench[ahead] + wrench[behind]))
+
+
 @njit(cache=True)
 def _take_contacts(tree: KinematicTree, q: np.ndarray, wrench: np.ndarray, tau: np.ndarray) -> None:
     n, nv = tree.parent.shape[0], tau.shape[1]

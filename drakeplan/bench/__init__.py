@@ -13,6 +13,7 @@ BENCHES = {
     "deform": "plans deformed to surfaces moved by up to 10 cm and 15 deg, beside planning again",
     "surrogate": "learned centroidal dynamics: errors on scenes held out (Lin 2020 fig. 6.10) and time a transition",
     "centroidal": "centroidal labels per second, agreement with an interior point, whole sequences, crocoddyl",
+    "kinodynamic": "momenta of the played motion less the dynamics, after each iteration and without the feedback",
     "capture": "zero- and one-step capture: acceptance, time, agreement with the linear inverted pendulum",
     "optimizers": "formulations and solvers side by side: success, cost, violation, time, memory; picture in out/",
     "planners": "search, mixed-integer programs and graph of convex sets: same scenes, seeds, verifier; picture in out/",
