@@ -171,3 +171,21 @@ def within(regions: Sequence[FootholdRegion], point: np.ndarray, distance: float
     """The regions that have a point within this horizontal distance [m] of a point (3,)."""
     at = shapely.Point(point[:2])
     return [r for r in regions if shapely.MultiPoint(r.vertices[:, :2]).convex_hull.distance(at) <= distance]
+
+
+def reachable(
+    before: Sequence[FootholdRegion], regions: Sequence[FootholdRegion], distance: float, rise: float
+) -> list[FootholdRegion]:
+    """The regions with a point within a horizontal distance and a height [m] of a point of any region before."""
+    if not before:
+        return []
+    outlines = [shapely.MultiPoint(r.vertices[:, :2]).convex_hull for r in before]
+    tree = shapely.STRtree(outlines)
+    low, high = (np.array([f(r.vertices[:, 2]) for r in before]) for f in (np.min, np.max))
+    found = []
+    for region in regions:
+        near = tree.query(shapely.MultiPoint(region.vertices[:, :2]).convex_hull, "dwithin", distance)
+        bottom, top = region.vertices[:, 2].min(), region.vertices[:, 2].max()
+        if ((low[near] <= top + rise) & (high[near] >= bottom - rise)).any():
+            found.append(region)
+    return found

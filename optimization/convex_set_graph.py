@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.solvers import Binding, Constraint, LinearConstraint
 
 from optimization.contact_choice import within
 from optimization.foothold_regions import FootholdRegion, foothold_regions
@@ -40,7 +39,7 @@ from optimization.step_graph import Edge, Foothold, StepGraph, could_step, graph
 from scenes.input_error import InputError
 from scenes.stance import Stance
 
-ROUNDED_PATHS = 10  # tried from the flows of the relaxation
+ROUNDED_PATHS = 50  # tried from the flows of the relaxation
 ACCEPT = 1e-5  # [m] by which a rounded path may miss a constraint, by our own check
 
 
@@ -50,7 +49,7 @@ class ConvexSetGraph:
         min   sum_i w_step |p_i - p_(i-2)|^2 + w_goal |mean - goal|^2
         s.t.  a walk through the layers; reach, rise, stride and goal as in `FootstepProgram`
 
-    Headings are the middles of the intervals, so that rotation costs vertices, not binaries. Palms are not part of it.
+    Headings are the ends of the intervals, so that rotation costs vertices, not binaries. Palms are not part of it.
 
     Attributes:
         graph: vertices and edges.
@@ -93,9 +92,9 @@ class ConvexSetGraph:
     def _candidates(self, effector: int) -> list[FootholdRegion]:
         heading = self.query.start.contacts[0].heading
         intervals = self.options.headings or ((heading, heading),)
-        middles = [(0.5 * (a + b), 0.5 * (a + b)) for a, b in intervals]
+        ends = sorted({end for interval in intervals for end in interval})
         terrain, robot, cone = self.query.terrain, self.query.robot, self.query.cone
-        return [r for h in middles for r in foothold_regions(terrain, robot, effector, h, stands_alone=cone)]
+        return [r for h in ends for r in foothold_regions(terrain, robot, effector, (h, h), stands_alone=cone)]
 
     def _add_layer(self, i: int, mover: int, previous: list[Foothold]) -> list[Foothold]:
         reach, goal = self.query.reach, self.query.goal
@@ -103,7 +102,7 @@ class ConvexSetGraph:
         regions = within(self._regions[mover], np.array(goal.xyz), to_goal)
         layer = []
         for k, region in enumerate(regions):
-            before = [u for u in previous if self._could(u, region, mover)]
+            before = [u for u in previous if self._could(u, region, mover) and self._may_end(i, u, region)]
             if not before:
                 continue
             name = f"{i}/{k}"
@@ -123,6 +122,14 @@ class ConvexSetGraph:
         if not -reach.turn_in - 1e-9 <= turn <= reach.turn_out + 1e-9:
             return False
         return could_step(u, region, reach.farthest, reach.rise)
+
+    def _may_end(self, i: int, u: Foothold, region: FootholdRegion) -> bool:
+        """Whether the walk may end with this step as far as the goal's heading goes; yes for every step but the last."""
+        yaw = self.query.goal.yaw
+        if i < self.num_steps - 1 or yaw is None:
+            return True
+        off = 0.5 * (self._heading(u) + region.heading[0]) - yaw
+        return abs((off + np.pi) % (2 * np.pi) - np.pi) <= GOAL_YAW_TOLERANCE
 
     def _heading(self, u: Foothold) -> float:
         start = self.query.start.contacts[1 - self.options.first]
@@ -151,13 +158,8 @@ class ConvexSetGraph:
     def _add_arrival(self, u: Foothold) -> None:
         edge: Edge = self.graph.add_arrival(u, self._goal)
         A, b = u.mean
-        n = A.shape[1]
         rows = np.hstack([np.zeros((2, 2)), A])  # over (x_v, x_u)
         self.graph.add_square(edge, self.options.goal, rows, b - np.array(self.query.goal.xyz[:2]))
-        yaw = self.query.goal.yaw
-        if yaw is not None and abs((self._heading(u) - yaw + np.pi) % (2 * np.pi) - np.pi) > GOAL_YAW_TOLERANCE:
-            never = LinearConstraint(np.zeros((1, n)), [1.0], [1.0])  # 0 = 1: no way to the goal with this heading
-            edge.AddConstraint(Binding[Constraint](never, edge.xu()))
 
     # Answers ----------------------------------------------------------------------------------------------------
 

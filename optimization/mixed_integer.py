@@ -16,7 +16,7 @@ import numpy as np
 from pydrake.solvers import MathematicalProgram
 from pydrake.symbolic import Expression
 
-from optimization.contact_choice import Place, add_place, given_place, within
+from optimization.contact_choice import Place, add_place, given_place, reachable, within
 from optimization.foothold_regions import FootholdRegion, foothold_regions
 from optimization.mixed_integer_solvers import (
     MixedIntegerRecord,
@@ -177,6 +177,7 @@ class FootstepProgram:
         self.places: list[Place] = []
         self.held: list[dict[int, Place]] = []  # by contact: everything held once it is made
         self._regions = {e: self._candidates(e) for e in sorted(set(self.movers))}
+        self._chain = self._chains()
         with np.errstate(invalid="ignore"):  # arithmetic of arrays of variables sets the flag without a NaN anywhere
             for i, mover in enumerate(self.movers):
                 if not self._add_contact(i, mover):
@@ -223,14 +224,41 @@ class FootstepProgram:
         return True
 
     def _near(self, i: int, mover: int) -> list[FootholdRegion]:
-        """Regions that steps from the start reach by then and from which steps reach the goal: the others are never chosen."""
+        """Regions that a chain of steps from the start reaches by then and from which one reaches the goal.
+
+        The others are never chosen; leaving them out leaves out their binaries.
+        """
+        if mover < 2:
+            return self._chain[sum(m < 2 for m in self.movers[:i])]
         reach, feet = self.query.reach, [m < 2 for m in self.movers]
-        before, after = sum(feet[: i + 1]), sum(feet[i + 1 :])
-        slack = 0.0 if mover < 2 else reach.arm + float(np.hypot(*reach.shoulder[:2])) + 0.5 * reach.farthest
+        slack = reach.arm + float(np.hypot(*reach.shoulder[:2])) + 0.5 * reach.farthest
         stand = self.query.start.contacts[1 - self.options.first]
-        regions = within(self._regions[mover], stand.p_WC, reach.farthest * before + slack + SAME_PLACE)
-        to_goal = self.query.goal.radius + reach.farthest * (after + 0.5) + slack + SAME_PLACE
+        regions = within(self._regions[mover], stand.p_WC, reach.farthest * sum(feet[: i + 1]) + slack)
+        to_goal = self.query.goal.radius + reach.farthest * (sum(feet[i + 1 :]) + 0.5) + slack
         return within(regions, np.array(self.query.goal.xyz), to_goal)
+
+    def _chains(self) -> list[list[FootholdRegion]]:
+        """By foot contact: the regions on some chain of steps, each within reach of the one before, from start to goal."""
+        reach, goal = self.query.reach, self.query.goal
+        order = [m for m in self.movers if m < 2]
+        if not order:
+            return []
+        start = self.query.start.contacts[1 - order[0]]
+        first = within(self._regions[order[0]], start.p_WC, reach.farthest + SAME_PLACE)
+        forward = [first]
+        for mover in order[1:]:
+            near = reachable(forward[-1], self._regions[mover], reach.farthest + SAME_PLACE, reach.rise)
+            if self.options.trim:  # what is left out at the beginning may be followed by any first step
+                both = [c.p_WC for c in self.query.start.contacts[:2]]
+                also = [r for p in both for r in within(self._regions[mover], p, reach.farthest + SAME_PLACE)]
+                near = [r for r in self._regions[mover] if any(r is k for k in (*near, *also))]
+            forward.append(near)
+        last = within(forward[-1], np.array(goal.xyz), goal.radius + 0.5 * reach.farthest + SAME_PLACE)
+        backward = [last]
+        for k in range(len(order) - 2, -1, -1):
+            near = reachable(backward[0], forward[k], reach.farthest + SAME_PLACE, reach.rise)
+            backward.insert(0, near)
+        return backward
 
     # Constraints ------------------------------------------------------------------------------------------------
 

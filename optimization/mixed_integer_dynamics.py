@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optimization.contact_choice import Place
+from optimization.contact_choice import Place, given_place
 from optimization.friction import cone_rows
 from optimization.mixed_integer import ContactEstimate, ContactQuery, FootstepOptions, FootstepProgram
 from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
@@ -141,8 +141,7 @@ class ContactDynamicsProgram:
 
     def _phases(self) -> list[list[Place]]:
         """What may carry load in each time step: all contacts while the CoM shifts, all but the mover's while it swings."""
-        start = {e: p for e, p in self._start_places().items()}
-        held, schedule = start, []
+        held, schedule = self._start_places(), []
         shift, swing = (round(t / self.dynamics.dt) for t in (self.dynamics.shift, self.dynamics.swing))
         for place, after in zip(self.steps.places, self.steps.held, strict=True):
             schedule += [list(held.values())] * shift
@@ -151,8 +150,6 @@ class ContactDynamicsProgram:
         return schedule + [list(held.values())] * shift
 
     def _start_places(self) -> dict[int, Place]:
-        from optimization.contact_choice import given_place
-
         return {e: given_place(c, e) for e, c in enumerate(self.query.start.contacts) if c is not None}
 
     def _add_variables(self) -> None:
@@ -164,14 +161,14 @@ class ContactDynamicsProgram:
         low, high = self.query.terrain.extent
         tall = self.query.robot.com_height[2]
         for n in range(N):
-            prog.AddBoundingBoxConstraint(low - 1.0, high + [1.0, 1.0, 1.0 + tall], self.r[n])
+            prog.AddBoundingBoxConstraint(low - 1.0, high + np.array([1.0, 1.0, 1.0 + tall]), self.r[n])
         prog.AddBoundingBoxConstraint(-limits.speed, limits.speed, self.v.ravel())
         prog.AddBoundingBoxConstraint(-GRAVITY, GRAVITY, self.a.ravel())
         prog.AddBoundingBoxConstraint(-limits.moment, limits.moment, self.kdot.ravel())
         prog.AddBoundingBoxConstraint(0.0, 0.0, self.v[-1])
 
     def _start_com(self) -> np.ndarray:
-        return self.query.start.feet_mean() + [0.0, 0.0, self.query.robot.com_height[1]]
+        return self.query.start.feet_mean() + np.array([0.0, 0.0, self.query.robot.com_height[1]])
 
     def _add_newton(self) -> None:
         dt, eye = self.dynamics.dt, np.eye(3)
