@@ -95,8 +95,10 @@ class ShardHeader:
 
 
 def schema_lines(schema: pa.Schema) -> tuple[str, ...]:
-    """One line a column: name, type and whether it may be null."""
-    return tuple(f"{f.name}: {f.type}{'' if f.nullable else ' not null'}" for f in schema)
+    """One line a column: name, type and whether it may be null; Parquet calls the items of a list elements."""
+    return tuple(
+        f"{f.name}: {f.type}{'' if f.nullable else ' not null'}".replace("<element:", "<item:") for f in schema
+    )
 
 
 def shard_name(shard: int) -> str:
