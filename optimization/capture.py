@@ -202,6 +202,9 @@ class CaptureChecker:
         if not faults:
             kinematics, schedule = self.fit.kinematics, problem.schedule
             faults = motion_faults(kinematics, schedule, dynamics.trajectory, estimate.q, options.agreement)
+            if faults and estimate.gaps and estimate.gaps[-1].over(options.agreement) > GIVE_UP[-1]:
+                worst = faults[0]
+                return Fault("motion", f"comes nowhere near the forces: {worst.block} {worst.detail}", worst.time)
         return faults[0] if faults else None
 
 

@@ -16,13 +16,12 @@ from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.frame_task import LEVER, DistanceRows, TrackingTargets, no_rows
+from optimization.frame_task import DistanceRows, TrackingTargets, no_rows
 from optimization.inverse_dynamics import effort_limits
 from optimization.joint_torques import TorqueRows
 from optimization.kinematics import Kinematics
 from optimization.momentum_gap import Gap, MomentumGap
 from optimization.momentum_tracking import MomentumTargets, TrackedMotion, track_momentum
-from optimization.posture_tracking import track_postures
 from optimization.swing_arcs import effector_arcs
 from scenes.input_error import InputError
 from scenes.plant import RobotPlant, build_plant
@@ -196,41 +195,6 @@ class KinodynamicProgram:
             if reason and self._hopeless(gaps):
                 break
         return self._answer(problem, estimate, motion, gaps, reason)
-
-    def fit_start(
-        self,
-        X_WE: np.ndarray,
-        held: np.ndarray,
-        com: np.ndarray,
-        momentum: np.ndarray,
-        q_reference: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """A configuration and a velocity with a given CoM and momenta (Lin 2020 sec. 7.5), as near as they come.
-
-        Args:
-            X_WE: (E, 4, 4) poses of the end effectors.
-            held: (E,) bool, which of them hold a contact: they stay there and do not move.
-            com: (3,) [m].
-            momentum: (6,) angular momentum about the CoM [N m s], then linear [kg m/s].
-            q_reference: (nq,) posture to stay near, and the first guess.
-
-        Returns:
-            (nq,) q and (nv,) v. What they really have, `Kinematics` says.
-        """
-        options, tree = self.options, self.kinematics.tree
-        hold = np.where(np.asarray(held, bool), HOLD, 0.0)[None]
-        targets = TrackingTargets(
-            np.asarray(X_WE, float)[None], hold, LEVER * hold, np.asarray(com, float)[None],
-            np.full((1, 3), options.com_weight), np.array(q_reference, float)[None], self._posture_weight(), tree.lower,
-            tree.upper,
-        )  # fmt: skip
-        q = track_postures(tree, targets, targets.q_ref, max_iterations=40).q[0]
-        A, J = self.kinematics.momentum_matrix(q), self.kinematics.effector_jacobians(q)
-        rows = np.vstack([A, *(HOLD * J[e] for e in np.flatnonzero(hold[0]))])
-        right = np.concatenate([np.asarray(momentum, float), np.zeros(len(rows) - 6)])
-        effort = options.posture_weight * np.eye(rows.shape[1])
-        v = np.linalg.lstsq(np.vstack([rows, effort]), np.concatenate([right, np.zeros(len(effort))]), rcond=None)[0]
-        return q, v
 
     def _hopeless(self, gaps: list[MomentumGap]) -> bool:
         """Whether the last gap is beyond what `give_up` allows after so many iterations."""

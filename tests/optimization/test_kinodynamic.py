@@ -136,19 +136,6 @@ def test_distances_are_kept():
     assert palm[8:].min() > height - 0.01
 
 
-def test_a_start_is_fitted_to_momenta():
-    X_WE = PROGRAM.kinematics.effector_poses(Q)
-    com, momentum = (
-        PROGRAM.kinematics.com(Q) + np.array([0.02, 0.03, -0.06]),
-        np.array([1.0, -2.0, 0.5, 20.0, 5.0, -3.0]),
-    )
-    held = np.array([True, False, False, False])
-    q, v = PROGRAM.fit_start(X_WE, held, com, momentum, Q)
-    assert np.allclose(PROGRAM.kinematics.com(q), com, atol=2e-3)
-    assert np.allclose(PROGRAM.kinematics.momentum_matrix(q) @ v, momentum, atol=0.05)
-    assert np.abs(PROGRAM.kinematics.effector_jacobians(q)[0] @ v).max() < 1e-3
-
-
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
