@@ -44,6 +44,7 @@ from optimization.updatable_program import Rows, UpdatableProgram
 from scenes.effector import EFFECTORS
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
+ACCURACY = 1e-7  # of the convex programs; forces are cut back to their cones and integrated exactly afterwards
 HOPELESS = 0.1  # [M g ARM, M g ARM s] slack in all whose standing still ends the iteration
 
 
@@ -347,7 +348,8 @@ class CentroidalProgram:
         own = self._host.is_own()
         if self._solver is None or not own or not self._own:
             options, gap = self.options, 1e-2 * self.options.tolerance
-            settings = SolverSettings(solver=options.solver, gap=gap, time_limit=options.time_limit)
+            limit = options.time_limit
+            settings = SolverSettings(solver=options.solver, tolerance=ACCURACY, gap=gap, time_limit=limit)
             self._solver = ConvexSolver(self._host if own else self.prog, settings)
         self._own = own
         return self._solver

@@ -158,6 +158,7 @@ def agreement(
     differ = sum("peer finds it (" in line or "FALSE" in line for line in listed)
     listed.append(f"{category}: {differ} of {len(drawn)} verdicts differ; IPOPT's first start takes "
                   f"{1e3 * float(np.median(seconds)):.0f} ms (median).")  # fmt: skip
+    options.tell(listed[-1])
     p5, p95 = np.percentile(ratios, [5, 95]) if ratios else (NONE, NONE)
     return (1.0 - differ / len(drawn), float(p5), float(p95), unmended), listed
 

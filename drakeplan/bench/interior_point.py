@@ -30,7 +30,8 @@ HOLDS = 1e-5  # [scaled units] violation up to which an answer counts
 CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 FACES = {"inner": (8, 0.0, 1.0), "square": (4, np.pi / 4, 1.0), "diamond": (4, 0.0, np.sqrt(2.0))}
 SETTINGS = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.max_iter": 300, "ipopt.tol": 1e-7,
-            "ipopt.constr_viol_tol": 1e-7, "ipopt.bound_relax_factor": 0.0}  # fmt: skip
+            "ipopt.constr_viol_tol": 1e-7, "ipopt.bound_relax_factor": 0.0,
+            "ipopt.expect_infeasible_problem": "yes"}  # fmt: skip
 
 
 def available() -> bool:
@@ -235,10 +236,15 @@ class InteriorPoint:
 
     def judge(self, problem: CentroidalProblem, x: np.ndarray) -> tuple[float, float]:
         """Cost and greatest violation [scaled units] of any x."""
-        cost, g = self._functions(x, _vector(_numbers(problem, self.options)))
-        g = np.asarray(g).ravel()
+        cost, _ = self._functions(x, _vector(_numbers(problem, self.options)))
+        g = self.rows(problem, x)
         excess = np.max(np.maximum(self.lower - g, g - self.upper), initial=0.0)
         return float(cost), float(excess) if np.isfinite(g).all() else np.inf
+
+    def rows(self, problem: CentroidalProblem, x: np.ndarray) -> np.ndarray:
+        """(m,) values of the constraints, to lie between `lower` and `upper`."""
+        _, g = self._functions(x, _vector(_numbers(problem, self.options)))
+        return np.asarray(g).ravel()
 
     def from_trajectory(self, problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> np.ndarray:
         """The x of a trajectory, each wrench spread over its corners by least squares: a start near an answer."""

@@ -24,7 +24,10 @@ def foot(side, x=0.0, z=0.0):
 
 def jump(flight, dt=0.1, up=0.0, **options):
     """Stand for a second, fly, stand for a second on ground that is higher by `up`."""
-    feet, landed = (foot("left"), foot("right"), None, None), (foot("left", 0.1, up), foot("right", 0.1, up), None, None)
+    feet, landed = (
+        (foot("left"), foot("right"), None, None),
+        (foot("left", 0.1, up), foot("right", 0.1, up), None, None),
+    )
     rows = [feet] * 10 + [(None,) * 4] * round(flight / dt) + [landed] * 10
     data = CentroidalProblem(ContactSchedule.from_rows(rows, dt), 76.0, HALF, np.array([0, 0, 0.9]))
     return data, CentroidalOptions(**options)

@@ -78,3 +78,53 @@ def test_unknown_cones_and_bad_options_are_refused():
             CentroidalOptions(**change)
     with pytest.raises(InputError):
         CentroidalWeights(force=-1.0)
+
+
+def test_bad_friction_is_named_with_contact_and_phase():
+    left, right = Contact("left_foot", 0, np.eye(4), 0.5), Contact("right_foot", 0, np.eye(4), -0.2)
+    schedule = ContactSchedule.from_rows([(left, None, None, None)] * 3 + [(left, right, None, None)] * 3, 0.1)
+    with pytest.raises(InputError, match=r"contact 1 \(right_foot, held from phase 1 \(0.30 to 0.60 s\)\)"):
+        CentroidalProblem(schedule, 76.0, HALF, np.array([0.0, 0.0, 0.9]))
+
+
+@pytest.mark.parametrize("mass", [0.0, -76.0, np.nan, np.inf])
+def test_a_mass_that_is_no_mass_is_refused(mass):
+    with pytest.raises(InputError, match="mass"):
+        replace(standing(), mass=mass)
+
+
+def moving():
+    """A push that takes several convex programs."""
+    return replace(standing(intervals=15), initial_linear_momentum=76.0 * np.array([0.35, 0.05, 0.0]))
+
+
+def test_a_limit_on_programs_gives_the_best_so_far_and_says_so():
+    whole = CentroidalProgram(moving()).solve()
+    assert whole.feasible, whole.reason
+    assert whole.stopped == ""
+    assert len(whole.records) > 1
+    cut = CentroidalProgram(moving(), CentroidalOptions(max_iterations=1)).solve()
+    assert cut.stopped == "iterations"
+    assert cut.trajectory is not None
+    assert len(cut.records) == 1
+    if not cut.feasible:
+        assert cut.reason.endswith("(stopped by the limit on iterations)")
+
+
+@pytest.mark.parametrize("solver", ["piqp", "clarabel"])
+def test_a_time_limit_before_the_first_answer_is_not_called_infeasible(solver):
+    none = CentroidalProgram(moving(), CentroidalOptions(time_limit=1e-9, solver=solver)).solve()
+    assert (none.feasible, none.trajectory, none.stopped) == (False, None, "time")
+    assert none.reason == "stopped by the limit on time before the first answer"
+
+
+def test_a_time_limit_that_fires_on_the_way_gives_the_incumbent_marked(monkeypatch):
+    from optimization import gauss_newton
+
+    clock = iter([0.0, 0.0, 0.0, 100.0, 100.0])  # the second convex program is never begun
+    monkeypatch.setattr(gauss_newton.time, "perf_counter", lambda: next(clock, 100.0))
+    cut = CentroidalProgram(moving(), CentroidalOptions(time_limit=30.0)).solve()
+    assert cut.stopped == "time"
+    assert cut.trajectory is not None
+    assert np.isfinite(cut.trajectory.com).all()
+    assert np.isfinite(cut.cost)

@@ -122,7 +122,7 @@ def test_clarabel_is_asked_where_piqp_says_infeasible(monkeypatch):
 def test_an_answer_that_a_solver_calls_solved_is_checked(monkeypatch, lie):
     prog, _ = projection([0.2, 0.1, 0.9])
     solver = ConvexSolver(prog, SolverSettings(solver="clarabel"))
-    monkeypatch.setattr(solver, "_clarabel", lambda: ("Solved", lie, 3))
+    monkeypatch.setattr(solver, "_clarabel", lambda limit: ("Solved", lie, 3))
     x, record = solver.solve()
     assert not record.feasible
     assert (x is None) == (not np.isfinite(lie).all() or lie.size == 0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drakeplan.bench.random_transitions import random_transition
 from optimization.transition_dynamics import TransitionDynamics, transition_options
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
@@ -73,6 +74,23 @@ def test_stances_must_differ_in_one_end_effector_and_numbers_must_be_finite():
         dynamics.estimate(before, after, np.array([0, np.nan, 0.9]), np.zeros(3))
     with pytest.raises(InputError, match="initial_linear_momentum"):
         dynamics.estimate(before, after, COM, np.zeros(2))
+
+
+def test_reused_programs_answer_as_new_ones_do():
+    rng = np.random.default_rng(4)
+    dynamics = TransitionDynamics(ROBOT)
+    seen = {True: 0, False: 0}
+    for category in ("feet", "one palm", "both palms"):
+        for _ in range(6):
+            t = random_transition(rng, ROBOT, category)
+            question = t.before, t.after, t.com, t.linear_momentum
+            again, fresh = dynamics.estimate(*question), TransitionDynamics(ROBOT).estimate(*question)
+            assert again.feasible == fresh.feasible
+            seen[fresh.feasible] += 1
+            if fresh.feasible:
+                assert again.cost == pytest.approx(fresh.cost, rel=1e-6)
+                assert np.allclose(again.trajectory.com, fresh.trajectory.com, atol=1e-5)
+    assert min(seen.values()) >= 3
 
 
 def test_the_options_come_from_the_robot():
