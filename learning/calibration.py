@@ -125,8 +125,21 @@ class TrainingRange:
         return out
 
 
-def fit_training_range(features: np.ndarray, category: np.ndarray, share: float = 0.995) -> TrainingRange:
-    """The range that holds this share of the (n, d) features of each category."""
+def fit_training_range(
+    features: np.ndarray,
+    category: np.ndarray,
+    share: float = 0.995,
+    held_out: tuple[np.ndarray, np.ndarray] | None = None,
+) -> TrainingRange:
+    """The range that holds this share of the (n, d) features of each category.
+
+    Args:
+        features: (n, d) that a network was trained on.
+        category: (n,) of them.
+        share: that lies within the limit.
+        held_out: features and categories of other scenes: the limit holds this share of those too, where there are at
+            least 100 of a category. A Gaussian lies nearer to its own data than to new ones.
+    """
     d = features.shape[1]
     mean, whitening = np.zeros((NUM_CATEGORIES, d)), np.zeros((NUM_CATEGORIES, d, d))
     limit = np.zeros(NUM_CATEGORIES)
@@ -139,4 +152,7 @@ def fit_training_range(features: np.ndarray, category: np.ndarray, share: float 
         lower = np.linalg.cholesky(covariance)  # covariance = L L^T, distance^2 = |L^-1 (x - mean)|^2
         whitening[k] = solve_triangular(lower, np.eye(d), lower=True).T
         limit[k] = np.quantile(np.linalg.norm((x - mean[k]) @ whitening[k], axis=1), share)
+        if held_out is not None and (held_out[1] == k).sum() >= 100:
+            others = np.linalg.norm((held_out[0][held_out[1] == k] - mean[k]) @ whitening[k], axis=1)
+            limit[k] = max(limit[k], np.quantile(others, share))
     return TrainingRange(mean.astype(np.float32), whitening.astype(np.float32), limit.astype(np.float32))

@@ -9,7 +9,7 @@ import numpy as np
 
 from learning.calibration import ReliabilityCurve, reliability_curve
 from learning.labelled_transitions import TEST, TRAIN, LearningSet
-from learning.surrogate import DynamicsSurrogate
+from learning.surrogate import DynamicsSurrogate, TransitionPrediction
 from learning.transition_features import CATEGORIES
 
 # Lin 2020 fig. 6.10 / Lin et al. 2019 fig. 9: accuracy [-], mean objective, its error, CoM [m], velocity [m/s]
@@ -76,41 +76,33 @@ class CategoryFit:
 
 @dataclass(frozen=True, eq=False)
 class FitReport:
-    """The table and the reliability curve of one surrogate.
+    """The tables and the reliability curve of one surrogate.
 
     Attributes:
         kind: of its networks.
         rows: one a category that occurs in the test scenes, then all of them together.
+        visited: the same for the states that a planner met there, without those that were shifted at random; no rows
+            where there are none.
         reliability: over all test rows.
     """
 
     kind: str
     rows: tuple[CategoryFit, ...]
+    visited: tuple[CategoryFit, ...]
     reliability: ReliabilityCurve
 
     def text(self) -> str:
-        """The table as people read it, with the documents' row under each category's."""
-        lines = [HEADER]
-        for row in self.rows:
-            name = "all" if row.category < 0 else f"{row.category} {CATEGORIES[row.category]}"
-            lines.append(
-                f"{name:32s} {row.train:7d} {row.test:6d} {row.feasible:6.1%} {row.majority:6.1%} {row.accuracy:6.1%}"
-                f" {row.balanced:6.1%} {row.recall:6.1%} {row.calibration:6.3f} {row.far:6.1%} {row.objective:9.2f}"
-                f" {row.objective_error:8.2f} {1e3 * row.com_error:7.2f} {1e3 * row.velocity_error:6.2f}"
-            )
-            if row.category >= 0:
-                accuracy, objective, error, com, velocity = DOCUMENTED[row.category]
-                lines.append(
-                    f"{'  Lin et al. 2019':32s} {'100000':>7s} {'1000':>6s} {'':13s} {accuracy:6.1%} {'':27s}"
-                    f" {objective:9.2f} {error:8.2f} {1e3 * com:7.2f} {1e3 * velocity:6.2f}"
-                )
+        """The tables as people read them, with the documents' row under each category's."""
+        lines = ["Test scenes", HEADER, *_lines(self.rows)]
+        if self.visited:
+            lines += ["", "Test scenes, states as the planner meets them", HEADER, *_lines(self.visited)]
         return "\n".join(lines)
 
     def facts(self) -> dict[str, Any]:
         """The same as JSON values; NaN becomes None."""
-        rows = [{k: None if v != v else v for k, v in asdict(row).items()} for row in self.rows]
         curve = {name: getattr(self.reliability, name).tolist() for name in ("predicted", "observed", "count")}
-        return {"kind": self.kind, "categories": rows, "reliability": curve}
+        tables = {"categories": _facts(self.rows), "visited": _facts(self.visited)}
+        return {"kind": self.kind, **tables, "reliability": curve}
 
 
 def fit_report(surrogate: DynamicsSurrogate, data: LearningSet, part: int = TEST) -> FitReport:
@@ -124,27 +116,73 @@ def fit_report(surrogate: DynamicsSurrogate, data: LearningSet, part: int = TEST
         raise ValueError("no scene was held out: there is nothing to measure on; give more scenes")
     c = data.representatives.take(rows)
     says = surrogate.predict_canonical(c, data.relative[rows])
+    met = data.visited[rows]
+    return FitReport(
+        str(surrogate.card.get("kind")),
+        _fits(says, data, rows, np.ones(len(rows), bool)),
+        _fits(says, data, rows, met) if met.any() else (),
+        reliability_curve(says.probability, data.feasible[rows]),
+    )
+
+
+def _fits(
+    says: TransitionPrediction, data: LearningSet, rows: np.ndarray, chosen: np.ndarray
+) -> tuple[CategoryFit, ...]:
+    """The table of the chosen ones among these rows."""
+    c = data.representatives.take(rows)
     truth, trained = data.feasible[rows], data.counts(TRAIN)
+    cost_error = np.abs(says.cost - data.cost[rows])
     com_error = np.abs(c.points_from_world(says.com) - data.com[rows])
     velocity_error = np.abs(c.vectors_from_world(says.velocity) - data.velocity[rows])
     fits = []
-    for category in [*np.unique(c.category).tolist(), -1]:
-        k = np.flatnonzero((c.category == category) | (category < 0))
+    for category in [*np.unique(c.category[chosen]).tolist(), -1]:
+        k = np.flatnonzero(chosen & ((c.category == category) | (category < 0)))
         yes = k[truth[k]]
-        answer = says.probability[k] >= 0.5
-        share = float(truth[k].mean())
+        answer, share = says.probability[k] >= 0.5, float(truth[k].mean())
         fits.append(
             CategoryFit(
-                category, int(trained[category] if category >= 0 else trained.sum()), len(k), share,
-                max(share, 1.0 - share), float((answer == truth[k]).mean()), balanced_accuracy(answer, truth[k]),
-                _mean(says.feasible[yes]), reliability_curve(says.probability[k], truth[k]).expected_error,
-                float(says.far[k].mean()), _mean(data.cost[rows][yes]),
-                _mean(np.abs(says.cost[yes] - data.cost[rows][yes])), _mean(com_error[yes]), _mean(velocity_error[yes]),
-                _mean(np.linalg.norm(com_error[yes], axis=1)), _mean(np.linalg.norm(velocity_error[yes], axis=1)),
-                balanced_accuracy(says.feasible[k], truth[k]),
+                category=category,
+                train=int(trained[category] if category >= 0 else trained.sum()),
+                test=len(k),
+                feasible=share,
+                majority=max(share, 1.0 - share),
+                accuracy=float((answer == truth[k]).mean()),
+                balanced=balanced_accuracy(answer, truth[k]),
+                balanced_at_threshold=balanced_accuracy(says.feasible[k], truth[k]),
+                recall=_mean(says.feasible[yes]),
+                calibration=reliability_curve(says.probability[k], truth[k]).expected_error,
+                far=float(says.far[k].mean()),
+                objective=_mean(data.cost[rows][yes]),
+                objective_error=_mean(cost_error[yes]),
+                com_error=_mean(com_error[yes]),
+                velocity_error=_mean(velocity_error[yes]),
+                com_distance=_mean(np.linalg.norm(com_error[yes], axis=1)),
+                velocity_distance=_mean(np.linalg.norm(velocity_error[yes], axis=1)),
             )
-        )  # fmt: skip
-    return FitReport(str(surrogate.card.get("kind")), tuple(fits), reliability_curve(says.probability, truth))
+        )
+    return tuple(fits)
+
+
+def _lines(rows: tuple[CategoryFit, ...]) -> list[str]:
+    lines = []
+    for row in rows:
+        name = "all" if row.category < 0 else f"{row.category} {CATEGORIES[row.category]}"
+        lines.append(
+            f"{name:32s} {row.train:7d} {row.test:6d} {row.feasible:6.1%} {row.majority:6.1%} {row.accuracy:6.1%}"
+            f" {row.balanced:6.1%} {row.recall:6.1%} {row.calibration:6.3f} {row.far:6.1%} {row.objective:9.2f}"
+            f" {row.objective_error:8.2f} {1e3 * row.com_error:7.2f} {1e3 * row.velocity_error:6.2f}"
+        )
+        if row.category >= 0:
+            accuracy, objective, error, com, velocity = DOCUMENTED[row.category]
+            lines.append(
+                f"{'  Lin et al. 2019':32s} {'100000':>7s} {'1000':>6s} {'':13s} {accuracy:6.1%} {'':27s}"
+                f" {objective:9.2f} {error:8.2f} {1e3 * com:7.2f} {1e3 * velocity:6.2f}"
+            )
+    return lines
+
+
+def _facts(rows: tuple[CategoryFit, ...]) -> list[dict[str, Any]]:
+    return [{k: None if v != v else v for k, v in asdict(row).items()} for row in rows]
 
 
 def balanced_accuracy(answer: np.ndarray, truth: np.ndarray) -> float:

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
-from learning.shard_file import not_finite, read_shard, schema_lines, shard_name, shard_paths
+from learning.dataset import TEST, TRAIN, VALIDATION, Dataset, read_dataset, split_by_scene
+from learning.relative_features import RELATIVE_FRAME, relative_features
 from learning.transition_batch import TransitionBatch
-from learning.transition_features import NUM_CATEGORIES, CanonicalTransitions, canonicalise, relative_features
+from learning.transition_features import NUM_CATEGORIES, CanonicalTransitions, Frame, canonicalise
 from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
 from scenes.input_error import InputError
 
-TRAIN, VALIDATION, TEST = range(3)
+__all__ = [
+    "TEST",
+    "TRAIN",
+    "VALIDATION",
+    "LabelledTransitions",
+    "LearningSet",
+    "learning_set",
+    "read_labels",
+    "split_by_scene",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,23 +61,23 @@ class LabelledTransitions:
         )  # fmt: skip
 
     @classmethod
-    def from_table(cls, table: pa.Table, source: dict[str, object]) -> LabelledTransitions:
+    def from_dataset(cls, data: Dataset) -> LabelledTransitions:
         """Rows of the dynamics campaign (`transition_labels.SCHEMA`); what has no outcome counts as infeasible."""
-        n = len(table)
-        held = _array(table, "held", 4).astype(bool)
-        makes = _array(table, "makes").astype(bool)
-        friction = np.where(held, _array(table, "friction", 4), np.inf).min(axis=1)
-        friction = np.minimum(friction, np.where(makes, _array(table, "friction_new"), np.inf))
+        n, array = len(data), data.array
+        held, makes = array("held").astype(bool), array("makes").astype(bool)
+        friction = np.where(held, array("friction"), np.inf).min(axis=1)
+        friction = np.minimum(friction, np.where(makes, array("friction_new"), np.inf))
         batch = TransitionBatch(
-            held, _array(table, "p", 12).reshape(n, 4, 3), _array(table, "R", 36).reshape(n, 4, 3, 3),
-            _array(table, "mover").astype(np.int64), makes, _array(table, "p_new", 3),
-            _array(table, "R_new", 9).reshape(n, 3, 3), _array(table, "com", 3), _array(table, "velocity", 3), friction,
+            held, array("p").reshape(n, 4, 3), array("R").reshape(n, 4, 3, 3), array("mover").astype(np.int64), makes,
+            array("p_new"), array("R_new").reshape(n, 3, 3), array("com"), array("velocity"), friction,
         )  # fmt: skip
-        cost, com, velocity = _array(table, "cost"), _array(table, "final_com", 3), _array(table, "final_velocity", 3)
+        cost, com, velocity = array("cost"), array("final_com"), array("final_velocity")
         known = np.isfinite(cost) & np.isfinite(com).all(axis=1) & np.isfinite(velocity).all(axis=1)
-        feasible = _array(table, "feasible").astype(bool) & known
-        visited = _array(table, "shift") == "none"
-        return cls(batch, feasible, cost, com, velocity, _array(table, "scene").astype(np.int64), visited, source)
+        feasible = array("feasible").astype(bool) & known
+        visited = array("shift") == "none"
+        return cls(
+            batch, feasible, cost, com, velocity, array("scene").astype(np.int64), visited, dict(data.source)
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +86,7 @@ class LearningSet:
 
     Attributes:
         representatives: of the transitions.
-        relative: (n, 60) relative features.
+        relative: (n, d) features of `relative_features.py`.
         feasible: (n,) bool.
         cost: (n,) objective, 0 where not feasible, like the next two.
         com: (n, 3) final CoM in F [m].
@@ -107,23 +114,12 @@ class LearningSet:
         return np.bincount(self.representatives.category[self.part == part], minlength=NUM_CATEGORIES)
 
 
-def split_by_scene(scene: np.ndarray, seed: int, validation: float = 0.1, test: float = 0.1) -> np.ndarray:
-    """(n,) TRAIN, VALIDATION or TEST; all rows of one scene fall in one part.
-
-    The part of a scene depends on its number and the seed alone: more data do not move old scenes between parts.
-    """
-    unique, index = np.unique(scene, return_inverse=True)
-    draw = np.array([np.random.default_rng([seed, int(s)]).random() for s in unique])
-    part = np.where(draw < test, TEST, np.where(draw < test + validation, VALIDATION, TRAIN))
-    return part[index] if len(scene) else np.zeros(0, int)
-
-
-def learning_set(labels: LabelledTransitions, seed: int = 0) -> LearningSet:
+def learning_set(labels: LabelledTransitions, seed: int = 0, frame: Frame = RELATIVE_FRAME) -> LearningSet:
     """Labels brought to their representatives and split by scene; rows of unknown category are left out."""
-    c = canonicalise(labels.batch)
+    c = canonicalise(labels.batch, frame)
     if (c.category < 0).any():
         labels = labels.take(c.category >= 0)
-        c = canonicalise(labels.batch)
+        c = canonicalise(labels.batch, frame)
     yes = labels.feasible.astype(bool)
     com = np.where(yes[:, None], c.points_from_world(np.where(yes[:, None], labels.com, 0.0)), 0.0)
     velocity = np.where(yes[:, None], c.vectors_from_world(np.where(yes[:, None], labels.velocity, 0.0)), 0.0)
@@ -137,62 +133,11 @@ def read_labels(folder: Path, robot: str) -> LabelledTransitions:
     """The rows of all shards that a dynamics campaign wrote, in order.
 
     Raises:
-        InputError: no shards, damaged ones, shards of several campaigns, columns of another version, numbers that are
-            not finite, or labels of another robot.
+        InputError: as `read_dataset`, or labels of another robot.
     """
-    if not Path(folder).is_dir():
-        raise InputError(f"{folder}: expected a folder of labels")
-    paths = shard_paths(folder)
-    if not paths:
-        raise InputError(f"{folder}: no shards of labels; make some with `drakeplan collect dynamics`")
-    tables, fingerprints = [], []
-    for path in paths.values():
-        header, table = read_shard(path)
-        if wrong := sorted(set(_columns(table.schema)) ^ set(_columns(SCHEMA))):
-            raise InputError(f"{path}: expected the columns of {CAMPAIGN} version {VERSION}; differs in {wrong[0]!r}")
-        if bad := not_finite(table):
-            raise InputError(f"{path}: column {bad} holds a number that is not finite")
-        fingerprints.append(header.fingerprint)
-        if header.fingerprint != fingerprints[0]:
-            raise InputError(f"{path}: comes from another campaign than {shard_name(next(iter(paths)))}")
-        tables.append(table)
-    source = _source(folder, robot) | {"fingerprint": fingerprints[0], "shards": len(tables)}
-    sha = hashlib.sha256()
-    for path in paths.values():
-        sha.update(hashlib.sha256(path.read_bytes()).digest())
-    table = pa.concat_tables([t.replace_schema_metadata(None) for t in tables])
-    return LabelledTransitions.from_table(table, source | {"rows": len(table), "sha256": sha.hexdigest()})
-
-
-def _columns(schema: pa.Schema) -> tuple[str, ...]:
-    """One line a column; Parquet calls the items of a list elements."""
-    return tuple(line.replace("<element:", "<item:") for line in schema_lines(schema))
-
-
-def _source(folder: Path, robot: str) -> dict[str, object]:
-    """What the campaign says of itself, for the card."""
-    path = Path(folder) / "campaign.json"
-    try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
-        source = {name: facts[name] for name in ("campaign", "version", "seed", "parameters")}
-        theirs = source["parameters"].get("robot")
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise InputError(f"{path}: expected the description of a campaign") from None
-    if source["campaign"] != CAMPAIGN or source["version"] != VERSION:
-        raise InputError(
-            f"{path}: expected campaign {CAMPAIGN} version {VERSION}, got {facts['campaign']} {facts['version']}"
-        )
+    data = read_dataset(folder, campaign=CAMPAIGN, version=VERSION, schema=SCHEMA)
+    parameters = data.source["parameters"]
+    theirs = parameters.get("robot") if isinstance(parameters, dict) else None
     if theirs != robot:
-        raise InputError(f"{path}: these are labels of robot {theirs!r}, expected {robot!r}")
-    return source
-
-
-def _array(table: pa.Table, name: str, width: int = 0) -> np.ndarray:
-    """(n,) or (n, width) values of a column; NaN where null."""
-    column = table[name].combine_chunks()
-    if not width:
-        return column.to_numpy(zero_copy_only=False)
-    values = np.full((len(column), width), np.nan)
-    some = column.is_valid().to_numpy(zero_copy_only=False)
-    values[some] = column.drop_null().flatten().to_numpy(zero_copy_only=False).reshape(-1, width)
-    return values
+        raise InputError(f"{folder}: these are labels of robot {theirs!r}, expected {robot!r}")
+    return LabelledTransitions.from_dataset(data)

@@ -17,16 +17,17 @@ from typing import Protocol
 
 import numpy as np
 
+from learning.relative_features import NUM_RELATIVE, RELATIVE_FRAME
 from learning.transition_features import (
     NUM_CATEGORIES,
     CanonicalTransitions,
+    Frame,
     documented_feature_names,
     documented_features,
-    relative_feature_names,
 )
 
 NUM_REGRESSED = 7  # objective, final CoM (3), final CoM velocity (3)
-_LOG_COST_RANGE = (-20.0, 20.0)  # beyond this exp() says nothing
+COST_OFFSET = 10.0  # [-] the shared network learns log(objective + this): below it differences matter little to a plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +48,13 @@ class NetworkAnswer:
 
 
 class TransitionNetwork(Protocol):
-    """Any arrangement of networks for transitions."""
+    """Any arrangement of networks for transitions; `frame` is the F in which it takes and gives positions."""
+
+    @property
+    def frame(self) -> Frame: ...
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
-        """Answers for representatives, of which `relative` holds the relative features (n, 60)."""
+        """Answers for representatives, of which `relative` holds the features of `relative_features.py` (n, d)."""
         ...
 
 
@@ -89,10 +93,18 @@ class Mlp:
 class SharedNetwork:
     """One network for all categories; the mean of its members where there are several.
 
-    Outputs: logit, log of the objective, final CoM from the feet's mean after (3) [m], final velocity (3) [m/s].
+    Outputs: logit, log(objective + COST_OFFSET), final CoM from the feet's mean after (3) [m], final velocity (3) [m/s].
+
+    Attributes:
+        members: networks on the features of `relative_features.py`.
+        low, high: (7,) least and greatest of each output but the logit: answers are cut off there. The program keeps the
+            final CoM in a box, and often at its border.
     """
 
     members: tuple[Mlp, ...]
+    low: np.ndarray
+    high: np.ndarray
+    frame: Frame = RELATIVE_FRAME
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
         """See `TransitionNetwork`."""
@@ -101,8 +113,11 @@ class SharedNetwork:
             y += member(relative)
         if len(self.members) > 1:
             y /= len(self.members)
-        y[c.category < 0] = 0.0
-        return NetworkAnswer(y[:, 0], np.exp(y[:, 1].clip(*_LOG_COST_RANGE)), c.feet_after + y[:, 2:5], y[:, 5:8])
+        regressed = y[:, 1:]
+        np.maximum(regressed, self.low, out=regressed)
+        np.minimum(regressed, self.high, out=regressed)
+        cost = np.exp(y[:, 1]) - COST_OFFSET
+        return NetworkAnswer(y[:, 0], np.maximum(cost, 0.0), c.feet_after + y[:, 2:5], y[:, 5:8])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +129,7 @@ class DocumentedNetworks:
 
     classifiers: tuple[Mlp | None, ...]
     regressors: tuple[Mlp | None, ...]
+    frame: Frame = "heading"
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
         """See `TransitionNetwork`; categories without networks are answered as infeasible."""
@@ -139,6 +155,8 @@ def network_tensors(network: SharedNetwork | DocumentedNetworks) -> dict[str, np
             tensors[f"{prefix}.{k}.weight"], tensors[f"{prefix}.{k}.bias"] = W, b
         if mlp.skip is not None:
             tensors[f"{prefix}.skip"] = mlp.skip
+    if isinstance(network, SharedNetwork):
+        tensors |= {"answer.low": network.low, "answer.high": network.high}
     return tensors
 
 
@@ -150,10 +168,13 @@ def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> Shared
     """
     if kind == "shared":
         count = len({name.split(".")[0] for name in tensors if name.startswith("member")})
-        members = tuple(_mlp(f"member{k}", tensors, len(relative_feature_names()), 8) for k in range(count))
+        members = tuple(_mlp(f"member{k}", tensors, NUM_RELATIVE, 1 + NUM_REGRESSED) for k in range(count))
         if not members:
             raise ValueError("no member of the network")
-        return SharedNetwork(members)
+        bounds = [tensors.get(f"answer.{name}", np.zeros(0)) for name in ("low", "high")]
+        if any(bound.shape != (NUM_REGRESSED,) for bound in bounds):
+            raise ValueError(f"answer.low and answer.high must have {NUM_REGRESSED} numbers each")
+        return SharedNetwork(members, *bounds)
     if kind != "documented":
         raise ValueError(f"unknown kind of network {kind!r}")
     pairs: dict[str, list[Mlp | None]] = {"classifier": [], "regressor": []}

@@ -24,13 +24,12 @@ from numba import njit
 
 from learning.calibration import TrainingRange
 from learning.network import TransitionNetwork, network_from_tensors, network_tensors
+from learning.relative_features import relative_feature_names, relative_features
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
     NUM_CATEGORIES,
     CanonicalTransitions,
     canonicalise,
-    relative_feature_names,
-    relative_features,
 )
 from learning.weights import PRETRAINED, NoWeightsError, WeightsError, read_weights
 from scenes.robot import Robot, load_robot
@@ -87,7 +86,7 @@ class DynamicsSurrogate:
 
     def predict(self, batch: TransitionBatch) -> TransitionPrediction:
         """Answers for every row, in W; nothing is refused, rows that cannot be trusted are `far`."""
-        c = canonicalise(batch)
+        c = canonicalise(batch, self.network.frame)
         prediction = self.predict_canonical(c, relative_features(c))
         if batch.friction is not None:
             low, high = self.friction

@@ -1,11 +1,16 @@
 """Contact transitions as rows of numbers: ten categories, one side of the body, one frame (Lin et al. 2019 fig. 3, sec. VII).
 
 A transition is the stance before, the end effector that moves and where it goes, and the CoM with its velocity at the
-start. Its dynamics do not change when the world is shifted, turned about the vertical, or mirrored left to right, so it
-is brought to one representative:
+start. Its dynamics do not change when the world is shifted, turned, or mirrored left to right, so it is brought to one
+representative:
 
-    frame F     origin the mean of the two feet before, x their mean heading, z up
+    frame F     origin the mean of the two feet before, z up; x is
+                "heading": the mean heading of the feet (the documents' encoding has the yaw removed)
+                "quarter": the axis of W, +-x or +-y, that is nearest to it
     mirror      y -> -y and left <-> right, where that puts the only palm held, else the mover, on the left side
+
+Turned by any angle the physics are the same; our program also has a box for the final CoM and bounds on momentum along
+W's axes, so that it is the same after quarter turns only. Frame "quarter" is exact, "heading" the documents'.
 
     category        mover              inputs (documented encoding)
     0  feet only    moves a foot       24
@@ -19,14 +24,14 @@ is brought to one representative:
     8               breaks a palm      30
     9               moves a palm       36
 
-Two encodings of the representative: `documented` (Lin et al. 2019 sec. VII: position and Tait-Bryan angles X-Y-Z of each
-contact in F, then CoM and velocity; a list of its own for each category), and `relative` (one list for all categories:
-five slots of contacts, positions from the CoM, rotations by their x and z axes; `relative_feature_names`).
+The documented encoding (Lin et al. 2019 sec. VII) is position and Tait-Bryan angles X-Y-Z of each contact in F, then CoM and
+velocity: a list of its own for each category. Another one is in `relative_features.py`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -48,10 +53,9 @@ CATEGORIES = (
     "both palms: move one",
 )
 NUM_CATEGORIES = len(CATEGORIES)
+Frame = Literal["heading", "quarter"]
 UNKNOWN = -1  # a foot in the air before or after, a palm broken that was not held, ...
 SLOTS = (*EFFECTORS, "new")  # of the representative: contacts before, then the contact that is made
-_SLOT_SIZE = 10  # present, p (3), x axis (3), z axis (3)
-_NUM_RELATIVE = len(SLOTS) * _SLOT_SIZE + len(EFFECTORS) + 6
 _SLOTS_OF_CATEGORY = (
     (0, 1, 4), (0, 1, 4),
     (0, 1, 2, 4), (0, 1, 2, 4), (0, 1, 2), (0, 1, 2, 4), (0, 1, 2, 4),
@@ -115,7 +119,7 @@ class CanonicalTransitions:
         return self.vectors_to_world(p_F) + self.origin
 
 
-def canonicalise(batch: TransitionBatch) -> CanonicalTransitions:
+def canonicalise(batch: TransitionBatch, frame: Frame = "heading") -> CanonicalTransitions:
     """Brings every transition to the representative of its class (see the top of the file)."""
     n = len(batch)
     category, mover = np.full(n, UNKNOWN, np.int64), np.zeros(n, np.int64)
@@ -124,7 +128,7 @@ def canonicalise(batch: TransitionBatch) -> CanonicalTransitions:
     com, velocity, feet_after = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     _canonicalise(
         batch.held, batch.p, batch.R, batch.mover, batch.makes, batch.p_new, batch.R_new, batch.com, batch.velocity,
-        category, mirrored, origin, heading, mover, present, p, R, com, velocity, feet_after,
+        frame == "quarter", category, mirrored, origin, heading, mover, present, p, R, com, velocity, feet_after,
     )  # fmt: skip
     return CanonicalTransitions(
         category, mirrored, origin, heading, mover, present, p, R, com, velocity, feet_after
@@ -155,33 +159,12 @@ def documented_feature_names(category: int) -> tuple[str, ...]:
     return (*slots, *(f"com.{a}" for a in "xyz"), *(f"velocity.{a}" for a in "xyz"))
 
 
-def relative_feature_names() -> tuple[str, ...]:
-    """Names of the relative inputs, the same for every category, in order."""
-    parts = ("held", "x", "y", "z", "xx", "xy", "xz", "nx", "ny", "nz")
-    return (
-        *(f"{slot}.{part}" for slot in SLOTS for part in parts),
-        *(f"mover.{name}" for name in EFFECTORS),
-        *(f"com_over_feet.{a}" for a in "xyz"),
-        *(f"velocity.{a}" for a in "xyz"),
-    )
-
-
 def documented_features(c: CanonicalTransitions, category: int) -> np.ndarray:
     """(m, d) documented inputs of the m rows of this category, in their order; angles in [-pi, pi)."""
     rows = np.flatnonzero(c.category == category)
     slots = np.array(_SLOTS_OF_CATEGORY[category])
     pose = np.concatenate([c.p[rows][:, slots], tait_bryan(c.R[rows][:, slots])], axis=2)
     return np.concatenate([pose.reshape(len(rows), -1), c.com[rows], c.velocity[rows]], axis=1)
-
-
-def relative_features(c: CanonicalTransitions) -> np.ndarray:
-    """(n, 60) float32 inputs for all categories: five slots, mover, CoM over the feet's mean, velocity.
-
-    Of each slot: 1 if it holds a contact, its point from the CoM [m], its x axis and its normal in F; 0 if it does not.
-    """
-    out = np.zeros((len(c.category), _NUM_RELATIVE), np.float32)
-    _relative(c.category, c.mover, c.present, c.p, c.R, c.com, c.velocity, out)
-    return out
 
 
 def tait_bryan(R: np.ndarray) -> np.ndarray:
@@ -199,7 +182,7 @@ def tait_bryan(R: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def _canonicalise(
     held: np.ndarray, p: np.ndarray, R: np.ndarray, mover: np.ndarray, makes: np.ndarray, p_new: np.ndarray,
-    R_new: np.ndarray, com: np.ndarray, velocity: np.ndarray, category: np.ndarray, mirrored: np.ndarray,
+    R_new: np.ndarray, com: np.ndarray, velocity: np.ndarray, quarter: bool, category: np.ndarray, mirrored: np.ndarray,
     origin: np.ndarray, heading: np.ndarray, mover_F: np.ndarray, present: np.ndarray, p_F: np.ndarray,
     R_F: np.ndarray, com_F: np.ndarray, velocity_F: np.ndarray, feet_after: np.ndarray,
 ) -> None:  # fmt: skip
@@ -213,6 +196,8 @@ def _canonicalise(
             continue
         mirrored[i] = flip
         c, s = _mean_heading(R[i])
+        if quarter:
+            c, s = (1.0 if c > 0 else -1.0, 0.0) if abs(c) >= abs(s) else (0.0, 1.0 if s > 0 else -1.0)
         heading[i, 0], heading[i, 1] = c, s
         for a in range(3):
             origin[i, a] = 0.5 * (p[i, 0, a] + p[i, 1, a])
@@ -290,26 +275,3 @@ def _set_pose(
         R_F[0, a] = z * (c * R[0, a] + s * R[1, a])
         R_F[1, a] = z * y * (c * R[1, a] - s * R[0, a])
         R_F[2, a] = z * R[2, a]
-
-
-@njit(cache=True)
-def _relative(
-    category: np.ndarray, mover: np.ndarray, present: np.ndarray, p: np.ndarray, R: np.ndarray, com: np.ndarray,
-    velocity: np.ndarray, out: np.ndarray,
-) -> None:  # fmt: skip
-    for i in range(out.shape[0]):
-        if category[i] < 0:
-            continue
-        for slot in range(5):
-            if not present[i, slot]:
-                continue
-            k = 10 * slot
-            out[i, k] = 1.0
-            for a in range(3):
-                out[i, k + 1 + a] = p[i, slot, a] - com[i, a]
-                out[i, k + 4 + a] = R[i, slot, a, 0]
-                out[i, k + 7 + a] = R[i, slot, a, 2]
-        out[i, 50 + mover[i]] = 1.0
-        for a in range(3):
-            out[i, 54 + a] = com[i, a]
-            out[i, 57 + a] = velocity[i, a]

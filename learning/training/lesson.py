@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from learning.labelled_transitions import TRAIN, VALIDATION, LearningSet
-from learning.network import Mlp
+from learning.network import COST_OFFSET, Mlp
 from learning.training.options import TrainingOptions
 from learning.transition_features import (
     documented_feature_names,
@@ -32,6 +32,8 @@ class Lesson:
         classifies: whether the first output is the logit of feasibility.
         positive_first: whether the first regressed output passes through a ReLU (the documented objective).
         skip: whether a linear path runs beside the hidden layers.
+        bounded: whether answers are cut off at the least and greatest ones of the feasible training rows. Where the truth
+            lies there, a prediction beyond is right (a censored regression, Tobin 1958).
     """
 
     name: str
@@ -44,6 +46,7 @@ class Lesson:
     classifies: bool
     positive_first: bool = False
     skip: bool = False
+    bounded: bool = False
 
     @property
     def num_outputs(self) -> int:
@@ -60,6 +63,12 @@ class Lesson:
         mean, spread = _mean_and_spread(self.y[self.feasible])
         return mean, np.maximum(spread, _SPREAD_FLOOR)
 
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest (r,) of the feasible training rows; those of all numbers where answers are not bounded."""
+        if not self.bounded or not self.feasible.any():
+            return np.full(self.y.shape[1], -np.inf), np.full(self.y.shape[1], np.inf)
+        return self.y[self.feasible].min(axis=0), self.y[self.feasible].max(axis=0)
+
     def linear_fit(self) -> np.ndarray:
         """(inputs, outputs) float32: ridge regression of the scaled outputs on the scaled inputs; 0 for a logit."""
         mean, spread = self.input_scaling()
@@ -71,7 +80,9 @@ class Lesson:
 
     def fingerprint(self, options: TrainingOptions) -> str:
         """SHA-256 over data and options: a training is taken up only where both are the same."""
-        sha = hashlib.sha256(repr((self.name, options, self.classifies, self.positive_first, self.skip)).encode())
+        sha = hashlib.sha256(
+            repr((self.name, options, self.classifies, self.positive_first, self.skip, self.bounded)).encode()
+        )
         for array in (self.x, self.feasible, self.y, self.x_validation, self.feasible_validation, self.y_validation):
             sha.update(repr((array.shape, array.dtype.str)).encode())
             sha.update(np.ascontiguousarray(array).tobytes())
@@ -136,14 +147,14 @@ def with_turned_angles(x: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, n
 
 def _shared(data: LearningSet) -> Lesson:
     y = np.concatenate(
-        [np.log(np.maximum(data.cost, 1e-6))[:, None], data.com - data.representatives.feet_after, data.velocity], axis=1
+        [np.log(data.cost + COST_OFFSET)[:, None], data.com - data.representatives.feet_after, data.velocity], axis=1
     )  # fmt: skip
     y[~data.feasible] = 0.0
     train, check = data.rows(TRAIN), data.rows(VALIDATION)
     y = y.astype(np.float32)
     return Lesson(
         "member0", data.relative[train], data.feasible[train], y[train], data.relative[check], data.feasible[check],
-        y[check], classifies=True, skip=True,
+        y[check], classifies=True, skip=True, bounded=True,
     )  # fmt: skip
 
 

@@ -22,6 +22,8 @@ class TrainingOptions:
         batch: rows of one step.
         rate: greatest learning rate of AdamW; it falls to zero along a cosine.
         decay: weight decay of AdamW.
+        jitter: spread of what is added at random to the scaled inputs in every step; a smooth function bears it, and
+            learns to be one (Bishop 1995). "shared" only.
         members: networks that are averaged ("shared" only).
         logit_weight: of the feasibility's log loss beside the regression ("shared" only).
         seed: of the split by scene, the initial weights and the order of the rows.
@@ -35,6 +37,7 @@ class TrainingOptions:
     batch: int = 256
     rate: float = 1e-3
     decay: float = 1e-2
+    jitter: float = 0.1
     members: int = 1
     logit_weight: float = 1.0
     seed: int = 0
@@ -46,5 +49,5 @@ class TrainingOptions:
                 raise InputError(f"training: {name} must be at least 1, got {getattr(self, name)}")
         if not 0.0 < self.recall <= 1.0:
             raise InputError(f"training: recall must lie in (0, 1], got {self.recall}")
-        if not (self.rate > 0 and self.decay >= 0 and self.seed >= 0 and self.logit_weight > 0):
-            raise InputError("training: rate and logit_weight must be positive, decay and seed not negative")
+        if not (self.rate > 0 and min(self.decay, self.jitter) >= 0 and self.seed >= 0 and self.logit_weight > 0):
+            raise InputError("training: rate and logit_weight must be positive; decay, jitter and seed not negative")

@@ -17,11 +17,12 @@ from learning.calibration import fit_platt, fit_training_range, threshold_for_re
 from learning.fit_report import FitReport, fit_report
 from learning.labelled_transitions import TEST, TRAIN, VALIDATION, LabelledTransitions, LearningSet, learning_set
 from learning.network import DocumentedNetworks, Mlp, SharedNetwork
+from learning.relative_features import RELATIVE_FRAME, relative_feature_names
 from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint
-from learning.training.lesson import lessons
+from learning.training.lesson import Lesson, lessons
 from learning.training.options import TrainingOptions
 from learning.training.teacher import Taught, teach
-from learning.transition_features import NUM_CATEGORIES, relative_feature_names
+from learning.transition_features import NUM_CATEGORIES
 from learning.weights import replace_file, write_weights
 from scenes.input_error import InputError
 from scenes.robot import Robot
@@ -78,7 +79,7 @@ def train_dynamics(
     Raises:
         InputError: too few scenes to hold any out, or no feasible transition to learn from.
     """
-    data = learning_set(labels, options.seed)
+    data = learning_set(labels, options.seed, RELATIVE_FRAME if options.kind == "shared" else "heading")
     _check(data)
     plan = lessons(data, options)
     taught: dict[str, Taught] = {}
@@ -88,7 +89,7 @@ def train_dynamics(
             tell(Progress(name, number, len(plan), epoch, options.epochs, loss, check))
 
         taught[lesson.name] = teach(lesson, options, out / CHECKPOINTS, told)
-    network = _assemble(options, {name: t.mlp for name, t in taught.items()})
+    network = _assemble(options, {name: t.mlp for name, t in taught.items()}, plan[0])
     friction = labels.batch.friction if labels.batch.friction is not None else np.array([0.5])
     card = _card(robot, options, data, labels)
     surrogate = calibrated(network, data, options.recall, (float(friction.min()), float(friction.max())), card)
@@ -114,8 +115,10 @@ def calibrated(
         mine = (c.category == k) & np.isfinite(logit)
         scale[k], offset[k] = fit_platt(logit[mine], truth[mine])
         threshold[k] = threshold_for_recall(expit(scale[k] * logit[mine] + offset[k]), truth[mine], recall)
-    seen = np.concatenate([data.rows(TRAIN), rows])
-    extent = fit_training_range(data.relative[seen], data.representatives.category[seen])
+    seen = data.rows(TRAIN)
+    extent = fit_training_range(
+        data.relative[seen], data.representatives.category[seen], held_out=(data.relative[rows], c.category)
+    )
     as_float32 = [a.astype(np.float32) for a in (scale, offset, np.minimum(threshold, 0.5))]
     return DynamicsSurrogate(network, *as_float32, extent, friction, card)
 
@@ -130,9 +133,10 @@ def _check(data: LearningSet) -> None:
         raise InputError("training data: no feasible transition among them, so there is no outcome to learn")
 
 
-def _assemble(options: TrainingOptions, mlps: dict[str, Mlp]) -> SharedNetwork | DocumentedNetworks:
+def _assemble(options: TrainingOptions, mlps: dict[str, Mlp], first: Lesson) -> SharedNetwork | DocumentedNetworks:
     if options.kind == "shared":
-        return SharedNetwork(tuple(mlps[f"member{k}"] for k in range(options.members)))
+        low, high = (bound.astype(np.float32) for bound in first.bounds())
+        return SharedNetwork(tuple(mlps[f"member{k}"] for k in range(options.members)), low, high)
     every = range(NUM_CATEGORIES)
     return DocumentedNetworks(
         tuple(mlps.get(f"classifier{k}") for k in every), tuple(mlps.get(f"regressor{k}") for k in every)
@@ -147,7 +151,7 @@ def _card(robot: Robot, options: TrainingOptions, data: LearningSet, labels: Lab
         "robot": robot.name,
         "robot_dynamics": dynamics_fingerprint(robot),
         "features": list(relative_feature_names()),
-        "outputs": "logit, log objective, final CoM from the feet's mean after in F [m], final velocity in F [m/s]",
+        "outputs": "logit, log(objective + 10), final CoM from the feet's mean after in F [m], final velocity in F [m/s]",
         "training": asdict(options),
         "data": labels.source,
         "rows": {name: data.counts(part).tolist() for part, name in names.items()},

@@ -21,6 +21,7 @@ from learning.weights import replace_file
 
 Tell = Callable[[str, int, float, float], None]  # network, epoch, training loss, validation loss
 _HUBER = 1.0  # in standard deviations of the output: beyond it errors count linearly
+_NEAR_BOUND = 1e-3  # [m] a final CoM this near to its bound lies on it
 _ADAM = ("step", "exp_avg", "exp_avg_sq")
 
 
@@ -71,11 +72,12 @@ def teach(lesson: Lesson, options: TrainingOptions, folder: Path, tell: Tell) ->
     path = folder / f"{lesson.name}.checkpoint"
     fingerprint = lesson.fingerprint(options)
     curve = _take_up(path, fingerprint, net, optimiser)
-    loss = _Loss(lesson, options)
+    loss, jitter = _Loss(lesson, options), options.jitter if options.kind == "shared" else 0.0
     x = torch.from_numpy(loss.scale_inputs(lesson.x))
     x_check = torch.from_numpy(loss.scale_inputs(lesson.x_validation))
     y, y_check = loss.answers(lesson.feasible, lesson.y), loss.answers(lesson.feasible_validation, lesson.y_validation)
     for epoch in range(len(curve), options.epochs):
+        noise = torch.Generator().manual_seed(_seed(lesson, options) + epoch + 1)
         order = np.random.default_rng([_seed(lesson, options), epoch]).permutation(len(x))
         total, steps = 0.0, -(-len(x) // options.batch)
         for step, rows in enumerate(np.array_split(order, steps)):
@@ -83,7 +85,10 @@ def teach(lesson: Lesson, options: TrainingOptions, folder: Path, tell: Tell) ->
             for group in optimiser.param_groups:
                 group["lr"] = options.rate * 0.5 * (1.0 + np.cos(np.pi * progress))
             batch = torch.from_numpy(rows)
-            value = loss(net(x[batch]), *(a[batch] for a in y))
+            seen = x[batch]
+            if jitter:
+                seen = seen + jitter * torch.randn(seen.shape, generator=noise)
+            value = loss(net(seen), *(a[batch] for a in y))
             optimiser.zero_grad(set_to_none=True)
             value.backward()
             optimiser.step()
@@ -107,6 +112,10 @@ class _Loss:
         # ReLU of the objective itself, in scaled units: it may not fall below where zero lies.
         self._zero = float(-self._centre[0] / self._scale[0]) if lesson.positive_first else 0.0
 
+        low, high = ((bound - self._centre) / self._scale for bound in lesson.bounds())
+        near = _NEAR_BOUND / self._scale
+        self._low, self._high = (torch.from_numpy(b.astype(np.float32)) for b in (low + near, high - near))
+
     def scale_inputs(self, x: np.ndarray) -> np.ndarray:
         return ((x - self._mean) / self._spread).astype(np.float32)
 
@@ -127,6 +136,9 @@ class _Loss:
             # A unit that answers zero for everything would never learn: a hundredth of the slope leads it back.
             objective = objective + 0.01 * (regressed[:, :1] - objective)
             regressed = torch.cat([objective, regressed[:, 1:]], dim=1)
+        if self._lesson.bounded:
+            regressed = torch.where(y <= self._low, torch.maximum(regressed, y), regressed)
+            regressed = torch.where(y >= self._high, torch.minimum(regressed, y), regressed)
         error = regressed - y
         if self._documented:
             per_row = (error**2).mean(dim=1)

@@ -77,6 +77,16 @@ def test_distance_is_mahalanobis_and_its_limit_holds_the_stated_share() -> None:
     np.testing.assert_allclose(extent.distance(fresh[:50], category[:50]) * extent.limit[3], slow, rtol=1e-3)
 
 
+def test_few_data_in_many_dimensions_do_not_make_all_others_far() -> None:
+    rng = np.random.default_rng(4)
+    few, others, fresh = (rng.normal(size=(n, 40)).astype(np.float32) for n in (100, 500, 5000))
+    zeros = [np.zeros(n, int) for n in (100, 500, 5000)]
+    alone = fit_training_range(few, zeros[0])
+    aware = fit_training_range(few, zeros[0], held_out=(others, zeros[1]))
+    assert np.mean(alone.distance(fresh, zeros[2]) > 1.0) > 0.3
+    assert np.mean(aware.distance(fresh, zeros[2]) > 1.0) < 0.02
+
+
 def test_what_training_never_saw_is_far_also_where_it_saw_no_variation() -> None:
     """All training soles were level: a tilted one is far, though the spread of its normal was zero."""
     rng = np.random.default_rng(2)

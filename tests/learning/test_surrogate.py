@@ -15,14 +15,13 @@ from safetensors.numpy import save
 
 from learning.calibration import fit_training_range
 from learning.network import DocumentedNetworks, Mlp, SharedNetwork, network_from_tensors, network_tensors
+from learning.relative_features import relative_feature_names, relative_features
 from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint, load_surrogate
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
     NUM_CATEGORIES,
     canonicalise,
     documented_feature_names,
-    relative_feature_names,
-    relative_features,
 )
 from learning.weights import NoWeightsError, WeightsError, write_weights
 from scenes.pose import rpy_rotation
@@ -39,12 +38,13 @@ def random_mlp(rng: np.random.Generator, *widths: int) -> Mlp:
 @pytest.fixture(scope="module")
 def surrogate(toy_labels) -> DynamicsSurrogate:
     rng = np.random.default_rng(0)
-    c = canonicalise(toy_labels(2000).batch)
+    c = canonicalise(toy_labels(6000).batch, "quarter")
     extent = fit_training_range(relative_features(c), c.category)
     ones, half = np.ones(NUM_CATEGORIES, np.float32), np.full(NUM_CATEGORIES, 0.5, np.float32)
     card = {"kind": "shared", "robot": "escher", "robot_dynamics": dynamics_fingerprint(load_robot("escher"))}
     card["features"] = list(relative_feature_names())
-    network = SharedNetwork((random_mlp(rng, D, 256, 256, 256, 8),))
+    bounds = np.array([[0, -0.12, -0.12, 0.8, -1, -1, -1], [9, 0.12, 0.12, 1.1, 1, 1, 1]], np.float32)
+    network = SharedNetwork((random_mlp(rng, D, 256, 256, 256, 8),), *bounds)
     return DynamicsSurrogate(network, ones, 0 * ones, half, extent, (0.5, 0.5), card)
 
 
@@ -64,9 +64,9 @@ def test_a_network_is_its_formula(toy_labels) -> None:
         np.testing.assert_allclose(y, slow, rtol=1e-4, atol=1e-6)
 
 
-def test_answers_turn_shift_and_mirror_with_the_world(surrogate, toy_labels) -> None:
+def test_answers_turn_by_quarters_shift_and_mirror_with_the_world(surrogate, toy_labels) -> None:
     batch = toy_labels(200, seed=5).batch
-    R, shift = rpy_rotation([0, 0, 1.1]), np.array([3.0, -2.0, 0.4])
+    R, shift = rpy_rotation([0, 0, np.pi / 2]), np.array([3.0, -2.0, 0.4])
     turned = replace(
         batch, p=batch.p @ R.T + shift, R=R @ batch.R, p_new=batch.p_new @ R.T + shift, R_new=R @ batch.R_new,
         com=batch.com @ R.T + shift, velocity=batch.velocity @ R.T,
@@ -89,13 +89,20 @@ def test_answers_turn_shift_and_mirror_with_the_world(surrogate, toy_labels) -> 
 def test_answers_are_those_of_the_network_brought_back_to_the_world(surrogate, toy_labels) -> None:
     """The slow twin of the one pass over the rows."""
     batch = toy_labels(200, seed=4).batch
-    c = canonicalise(batch)
+    c = canonicalise(batch, "quarter")
     says, raw = surrogate.predict(batch), surrogate.network.answer(c, relative_features(c))
     np.testing.assert_allclose(says.com, c.points_to_world(raw.com), atol=1e-6)
     np.testing.assert_allclose(says.velocity, c.vectors_to_world(raw.velocity), atol=1e-6)
     np.testing.assert_allclose(says.probability, 1 / (1 + np.exp(-raw.logit)), atol=1e-6)
     np.testing.assert_array_equal(says.feasible, says.probability >= 0.5)
     np.testing.assert_array_equal(says.cost, raw.cost)
+
+
+def test_the_final_com_stays_in_the_box_of_the_training_data(surrogate, toy_labels) -> None:
+    batch = toy_labels(300, seed=14).batch
+    c = canonicalise(batch, "quarter")
+    offset = c.points_from_world(surrogate.predict(batch).com) - c.feet_after
+    assert (offset >= surrogate.network.low[1:4] - 1e-6).all() and (offset <= surrogate.network.high[1:4] + 1e-6).all()
 
 
 def test_a_batch_is_answered_as_its_rows_are(surrogate, toy_labels) -> None:
@@ -189,6 +196,7 @@ DAMAGE = {
     "NaN": (lambda f, t: rewrite(f, t | {"range.mean": t["range.mean"] * np.nan}), "range.mean must hold finite"),
     "a layer's shape": (lambda f, t: rewrite(f, t | {"member0.1.weight": np.ones((3, 3))}), "member0.1.weight has shape"),
     "a layer missing": (lambda f, t: rewrite(f, {k: v for k, v in t.items() if "member0.3" not in k}), "8 outputs"),
+    "bounds": (lambda f, t: rewrite(f, t | {"answer.low": np.ones(3)}), "answer.low and answer.high"),
     "no layer": (lambda f, t: rewrite(f, {k: v for k, v in t.items() if "member" not in k}), "no member"),
     "calibration": (lambda f, t: rewrite(f, t | {"calibration.scale": np.ones(3)}), "calibration.scale: expected"),
 }  # fmt: skip

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from learning.relative_features import relative_feature_names, relative_features
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
     CATEGORIES,
@@ -16,8 +17,6 @@ from learning.transition_features import (
     canonicalise,
     documented_feature_names,
     documented_features,
-    relative_feature_names,
-    relative_features,
     tait_bryan,
 )
 from scenes.contact import Contact, contact_pose
@@ -117,8 +116,50 @@ def test_left_and_right_are_one(seed: int, row) -> None:
     np.testing.assert_allclose(features, other[1], atol=1e-9)
     pairs = [(before, after), (reflected(before), reflected(after))]
     batch = TransitionBatch.from_stances(pairs, np.array([com, MIRROR @ com]), np.array([velocity, MIRROR @ velocity]))
-    one, two = relative_features(canonicalise(batch))
-    np.testing.assert_allclose(one, two, atol=1e-6)  # float32
+    for frame in ("heading", "quarter"):
+        one, two = relative_features(canonicalise(batch, frame))
+        np.testing.assert_allclose(one, two, atol=1e-6)  # float32
+
+
+@given(seed=st.integers(0, 10**6), row=st.sampled_from(TABLE), quarters=st.integers(1, 3))
+def test_relative_features_stay_when_the_world_is_shifted_and_turned_by_quarters(seed, row, quarters) -> None:
+    """By other angles they do not: the box in which the CoM must end is the world's."""
+    rng = np.random.default_rng(seed)
+    before, after, com, velocity = random_transition(rng, row)
+    rows = []
+    for angle in (0.0, quarters * np.pi / 2, 0.3):
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = rpy_rotation([0, 0, angle]), rng.uniform(-5, 5, 3)
+        pair = [(moved(before, X), moved(after, X))]
+        batch = TransitionBatch.from_stances(pair, X[:3, :3] @ com + X[:3, 3], X[:3, :3] @ velocity)
+        rows.append(relative_features(canonicalise(batch, "quarter"))[0])
+    np.testing.assert_allclose(rows[0], rows[1], atol=1e-5)
+    assert np.abs(rows[0] - rows[2]).max() > 1e-3
+
+
+def test_relative_features_are_what_their_names_say() -> None:
+    """One transition by hand: the left foot steps forward and turns out, the CoM moves forward."""
+    up = np.array([0.0, 0.0, 1.0])
+    left, right = (
+        Contact(e, 0, contact_pose(e, [0.0, y, 0.0], up, 0.0), 0.5)
+        for e, y in (("left_foot", 0.1), ("right_foot", -0.1))
+    )
+    new = Contact("left_foot", 1, contact_pose("left_foot", [0.5, 0.1, 0.0], up, 0.2), 0.5)
+    before, com = Stance((left, right, None, None)), np.array([0.02, 0.0, 0.981])
+    batch = TransitionBatch.from_stances([(before, before.replace(0, new))], com, np.array([0.4, 0.0, 0.0]))
+    row = dict(zip(relative_feature_names(), relative_features(canonicalise(batch, "quarter"))[0], strict=True))
+    expected = {
+        "left_foot.held": 1, "left_foot.y": 0.1, "left_foot.z": -0.981, "left_foot.nz": 1, "left_palm.held": 0,
+        "right_foot.distance": np.sqrt(0.02**2 + 0.1**2 + 0.981**2), "new.x": 0.48, "new.xx": np.cos(0.2),
+        "category0": 1, "category1": 0, "com_over_feet.z": 0.981, "velocity.x": 0.4, "feet_after_from_com.x": 0.23,
+        "feet_that_stay_from_com.y": -0.1, "capture_point.x": 0.02 + 0.4 * np.sqrt(0.1), "capture_point.y": 0,
+        "feet_after_from_capture_point.x": 0.25 - 0.02 - 0.4 * np.sqrt(0.1), "com_beyond_box_0.12.x": -0.23 + 0.12,
+        "feet_that_stay_beyond_box_0.12.x": -0.25 + 0.12, "feet_that_stay_beyond_box_0.12.y": 0,
+        "capture_point_in_right_foot.x": 0.02 + 0.4 * np.sqrt(0.1), "capture_point_in_right_foot.y": 0.1,
+        "feet_after_in_left_foot.x": 0.25, "feet_after_in_left_foot.y": -0.1,
+    }  # fmt: skip
+    for name, value in expected.items():
+        assert row[name] == pytest.approx(value, abs=1e-6), name
 
 
 @given(seed=st.integers(0, 10**6), row=st.sampled_from(TABLE))
