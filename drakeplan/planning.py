@@ -141,7 +141,7 @@ class _Query:
         self._fell_apart = ""  # why the last contact sequence is dynamically infeasible as a whole
         timing = options.timing
         wanted = MotionOptions(
-            cone=options.cone, dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing
+            cone=options.cone, dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing, free=timing.free
         )
         self.motion = MotionMaker(robot, scene.terrain, wanted, ik=ik)
 

@@ -21,10 +21,12 @@ class Timing:
     Attributes:
         shift: of the phase in which the CoM shifts over all contacts [s].
         swing: of the phase in which one end effector moves [s].
+        free: whether the motion stage then changes all durations for less effort, in the same time altogether.
     """
 
     shift: float = 1.0
     swing: float = 1.0
+    free: bool = False
 
     def __post_init__(self) -> None:
         for name in ("shift", "swing"):

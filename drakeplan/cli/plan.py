@@ -70,6 +70,8 @@ class Arguments:
     """seconds to shift the weight before every transition"""
     swing: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
     """seconds to move an end effector"""
+    free_timing: bool = False
+    """then change these durations for less effort, in the same time altogether"""
     transition_model: Literal["experiments", "training", "planning", "long_stride"] | None = None
     """foot steps to choose from; by default the scene's, else experiments"""
     deadline: float = 30.0
@@ -177,7 +179,7 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         cone=arguments.cone,
         planner=arguments.planner,
         dynamics=arguments.dynamics,
-        timing=Timing(arguments.shift, arguments.swing),
+        timing=Timing(arguments.shift, arguments.swing, arguments.free_timing),
         transition_model=arguments.transition_model,
         deadline=arguments.deadline,
         improve=arguments.improve,

@@ -1,0 +1,74 @@
+"""Durations of a plan's phases chosen for least effort, in the same time altogether (see `optimization.centroidal_timing`)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from drakeplan.phases import Schedule
+from optimization.centroidal import CentroidalProgram
+from optimization.centroidal_options import CentroidalOptions
+from optimization.centroidal_problem import CentroidalProblem
+from optimization.centroidal_timing import TimingOptions, optimise_timing
+from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.contact_schedule import ContactSchedule
+from optimization.timing_step import whole_cost
+from optimization.transition_dynamics import transition_options
+from scenes.robot import Robot
+
+WORTH = 0.02  # relative decrease that is worth another step: durations are rounded to knots afterwards
+
+
+def free_durations(
+    robot: Robot, schedule: Schedule, cone: str, dt: float, bounds: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """Durations with which the momenta of a contact sequence take the least effort.
+
+    Args:
+        robot: mass, patches and limits.
+        schedule: contacts with the durations to start from, multiples of `dt`.
+        cone: friction cone by name.
+        dt: knots' distance, whose multiples the durations are rounded to [s].
+        bounds: least and greatest durations, as factors of the given ones.
+
+    Returns:
+        (S-1,) shift and (S-1,) swing times and the last phase's [s], together no longer than they were; None where no
+        others are better.
+    """
+    problem = _problem(robot, schedule, schedule.times(dt))
+    timing = TimingOptions(shortest=bounds[0], longest=bounds[1], tolerance=WORTH)
+    timed = optimise_timing(problem, _options(robot, cone), timing)
+    if not timed.estimate.feasible or not timed.objective < timed.fixed_objective:
+        return None
+    phase = schedule.phase_at(schedule.times(dt)[:-1])
+    given, wanted = (np.bincount(phase, p.schedule.dt) for p in (problem, timed.problem))
+    durations = round_to_grid(wanted, dt, float(given.sum()))
+    return durations[0:-1:2], durations[1::2], float(durations[-1])
+
+
+def round_to_grid(durations: np.ndarray, step: float, total: float) -> np.ndarray:
+    """Multiples of `step`, at least one each, as near as a sum of at most `total` allows; largest remainders first."""
+    steps = np.maximum(np.floor(durations / step + 1e-6), 1.0)
+    left = round(total / step) - int(steps.sum())
+    remainder = durations / step - steps
+    for place in np.argsort(-remainder, kind="stable")[: max(left, 0)]:
+        if remainder[place] > 1e-6:
+            steps[place] += 1
+    return np.round(steps * step, 9)
+
+
+def effort(robot: Robot, schedule: Schedule, cone: str, trajectory: CentroidalTrajectory) -> float:
+    """The documents' objective of a trajectory over these contacts (Lin 2020 sec. 6.3), with no reference to pull it."""
+    program = CentroidalProgram(_problem(robot, schedule, trajectory.t), _options(robot, cone))
+    return whole_cost(program, trajectory)
+
+
+def _problem(robot: Robot, schedule: Schedule, t: np.ndarray) -> CentroidalProblem:
+    start = schedule.stances[0].feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
+    contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
+    return CentroidalProblem(contacts, robot.mass, robot.half_extents, start)
+
+
+def _options(robot: Robot, cone: str) -> CentroidalOptions:
+    return replace(transition_options(robot, cone), rest_at_end=True)
