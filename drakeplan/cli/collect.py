@@ -64,10 +64,9 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Collects, with a progress bar, and says what came out."""
     _check(arguments)
-    from drakeplan.campaigns.dynamics import DynamicsCampaign
     from drakeplan.campaigns.engine import CollectOptions, collect
 
-    campaign = DynamicsCampaign(robot=arguments.robot, friction=arguments.friction)
+    campaign = _campaign(arguments)
     options = CollectOptions(arguments.count, arguments.seed)
     bar = _Bar(arguments.count)
     try:
@@ -98,6 +97,12 @@ def _check(arguments: Arguments) -> None:
         raise InputError(f"--friction: expected more than 0, got {arguments.friction:g}")
     if arguments.task_timeout <= 0:
         raise InputError(f"--task-timeout: expected more than 0, got {arguments.task_timeout:g}")
+
+
+def _campaign(arguments: Arguments) -> DynamicsCampaign:
+    from drakeplan.campaigns.dynamics import DynamicsCampaign
+
+    return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction)
 
 
 def _workers(campaign: DynamicsCampaign, arguments: Arguments) -> Workers:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 import signal
@@ -52,8 +51,8 @@ def test_a_mistake_gets_one_line_and_exit_2(
 def test_it_collects_goes_on_and_describes_what_it_has(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    few = functools.partial(DynamicsCampaign, walk=WalkOptions(quota=1, max_states=6))
-    monkeypatch.setattr("drakeplan.campaigns.dynamics.DynamicsCampaign", few)
+    few = DynamicsCampaign(walk=WalkOptions(quota=1, max_states=6))
+    monkeypatch.setattr("drakeplan.cli.collect._campaign", lambda arguments: few)
     out = str(tmp_path / "labels")
     assert main(["collect", "dynamics", "--count", "1", "--out", out, "--workers", "1"]) == 0
     said = capsys.readouterr()
