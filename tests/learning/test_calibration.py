@@ -84,7 +84,7 @@ def test_few_data_in_many_dimensions_do_not_make_all_others_far() -> None:
     alone = fit_training_range(few, zeros[0])
     aware = fit_training_range(few, zeros[0], held_out=(others, zeros[1]))
     assert np.mean(alone.distance(fresh, zeros[2]) > 1.0) > 0.3
-    assert np.mean(aware.distance(fresh, zeros[2]) > 1.0) < 0.02
+    assert np.mean(aware.distance(fresh, zeros[2]) > 1.0) < 0.03
 
 
 def test_what_training_never_saw_is_far_also_where_it_saw_no_variation() -> None:
