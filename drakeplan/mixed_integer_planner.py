@@ -22,7 +22,8 @@ from drakeplan.contact_pool import ContactPool
 from drakeplan.search.ana_star import Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.transition_check import TransitionCheck
-from optimization.mixed_integer import ContactEstimate, ContactQuery, FootstepOptions, FootstepProgram
+from optimization.contact_query import ContactEstimate, ContactQuery, FootstepOptions
+from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
 from optimization.step_reach import step_reach
 from optimization.whole_body_ik import WholeBodyIK

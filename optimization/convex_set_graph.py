@@ -18,14 +18,14 @@ from collections.abc import Callable
 import numpy as np
 
 from optimization.contact_choice import within
-from optimization.foothold_regions import FootholdRegion, foothold_regions
-from optimization.mixed_integer import (
+from optimization.contact_query import (
     GOAL_YAW_TOLERANCE,
     SAME_PLACE,
     ContactEstimate,
     ContactQuery,
     FootstepOptions,
 )
+from optimization.foothold_regions import FootholdRegion, foothold_regions
 from optimization.mixed_integer_solvers import (
     FAILED,
     FOUND,

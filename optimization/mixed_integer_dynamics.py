@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from optimization.contact_choice import Place, given_place
+from optimization.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.friction import cone_rows
-from optimization.mixed_integer import ContactEstimate, ContactQuery, FootstepOptions, FootstepProgram
+from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
 from scenes.input_error import InputError
 from scenes.stance import Stance

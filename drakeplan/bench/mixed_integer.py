@@ -13,8 +13,9 @@ import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.start_stance import check_goal, start_stance
+from optimization.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.convex_set_graph import ConvexSetGraph
-from optimization.mixed_integer import ContactEstimate, ContactQuery, FootstepOptions, FootstepProgram
+from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_dynamics import ContactDynamicsProgram
 from optimization.mixed_integer_solvers import BACKENDS, MixedIntegerSettings
 from optimization.step_reach import step_reach

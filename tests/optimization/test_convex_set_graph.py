@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from optimization import scip_adapter
+from optimization.contact_query import ContactQuery, FootstepOptions
 from optimization.convex_set_graph import ConvexSetGraph
-from optimization.mixed_integer import ContactQuery, FootstepOptions, FootstepProgram
+from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_solvers import MixedIntegerSettings
 from optimization.step_reach import step_reach
 from scenes.input_error import InputError

@@ -11,8 +11,9 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from optimization import scip_adapter
 from optimization.contact_choice import within
+from optimization.contact_query import ContactQuery, FootstepOptions, movers
 from optimization.foothold_regions import foothold_regions
-from optimization.mixed_integer import ContactQuery, FootstepOptions, FootstepProgram, movers
+from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_solvers import MixedIntegerSettings
 from optimization.step_reach import StepReach, step_reach
 from scenes.contact import Contact, contact_pose

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from optimization import scip_adapter
+from optimization.contact_query import ContactQuery, FootstepOptions
 from optimization.friction import SQUARE, excess
-from optimization.mixed_integer import ContactQuery, FootstepOptions, FootstepProgram
+from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_dynamics import (
     GRAVITY,
     PRODUCTS,
