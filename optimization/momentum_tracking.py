@@ -43,7 +43,7 @@ from optimization.kinematic_tree import (
     momentum_matrix,
 )
 
-SPEED_WEIGHT = 3.0  # [s/rad] of what a joint is too fast
+SPEED_WEIGHT = 10.0  # [s/rad] of what a joint is too fast
 STEP = 0.3  # [rad, m] greatest change of any unknown in one step
 FIRST_DAMPING = 1e-3  # after a step that did not help, relative to the diagonal; tenfold each time
 TRIES = 5  # of damping one step

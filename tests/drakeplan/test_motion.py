@@ -6,10 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.tree import MultibodyForces
 
+from drakeplan.bench.kinodynamic import plan_gap
 from drakeplan.dynamics import through
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult, make_motion
 from drakeplan.motion_check import velocities
+from optimization.momentum_gap import PROMISED
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT
 from scenes.plant import RobotPlant, build_plant
@@ -140,6 +144,55 @@ def test_drakes_centre_of_mass_follows_the_momenta(walk):
     for q, com in zip(result.q, planned, strict=True):
         plant.SetPositions(context, q)
         assert np.linalg.norm(plant.CalcCenterOfMassPositionInWorld(context) - com) < COM
+
+
+def test_drakes_momenta_follow_the_dynamics_at_every_frame(walk):
+    _, _, result = walk
+    gap = plan_gap(build_plant(ROBOT), result)
+    assert gap.within(PROMISED), str(gap)
+    assert gap.angular.rms < 1.0
+    assert result.gaps[-1].angular.rms == pytest.approx(gap.angular.rms, abs=0.1)
+
+
+def test_drakes_joint_torques_are_those_reported_and_within_the_limits(walk):
+    _, _, result = walk
+    plant = build_plant(ROBOT).plant
+    context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
+    c, greatest = result.centroidal, 0.0
+    limit = {
+        a.joint().velocity_start(): a.effort_limit()
+        for a in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    }
+    for n, t in enumerate(result.t[:-1]):
+        knots = np.flatnonzero((c.t <= t + 1e-6) & (np.append(c.t[1:], np.inf) >= t - 1e-6))[:2]
+        knots = knots[knots < len(c.t) - 1]
+        plant.SetPositions(context, result.q[n])
+        plant.SetVelocities(context, result.v[n])
+        forces.SetZero()
+        for k in knots:
+            for e, spec in enumerate(ROBOT.effectors):
+                if c.contact[k, e] < 0:
+                    continue
+                X_WC = result.schedule.contacts[c.contact[k, e]].X_WC
+                force, frame = c.force_W[k, e], plant.GetFrameByName(spec.frame)
+                moment = np.cross(X_WC[:3, :2] @ c.cop_C[k, e], force) + X_WC[:3, 2] * c.torque_n[k, e]
+                p_BE = frame.CalcPose(context, frame.body().body_frame()).translation()
+                spatial = SpatialForce(moment / len(knots), force / len(knots))
+                frame.body().AddInForce(context, p_BE, spatial, plant.world_frame(), forces)
+        before, after = max(n - 1, 0), n + 1
+        vdot = (result.v[after] - result.v[before]) / (0.02 * (after - before))
+        tau = plant.CalcInverseDynamics(context, vdot, forces) - plant.CalcGravityGeneralizedForces(context)
+        greatest = max(greatest, *(abs(tau[j]) / most for j, most in limit.items()))
+    assert greatest == pytest.approx(result.torque.share, rel=1e-6)
+    assert greatest < 1.0
+
+
+def test_feeding_the_angular_momentum_back_brings_it_near_the_dynamics():
+    terrain, stances = walk_on_flat_ground()
+    peer, motion = (make_motion(ROBOT, terrain, stances, MotionOptions(feedback=f)) for f in (False, True))
+    assert peer.ok, peer.reason
+    assert motion.gaps[-1].angular.rms < 0.3 * peer.gaps[-1].angular.rms
+    assert motion.gaps[-1].angular.rms < 0.3 * motion.gaps[0].angular.rms
 
 
 def test_joints_keep_their_limits_and_speeds_and_velocities_are_those_of_the_positions(walk):
