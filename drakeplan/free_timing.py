@@ -6,16 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from drakeplan.phases import Schedule
+from drakeplan.phases import Schedule, make_schedule
+from drakeplan.plan import Plan
 from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_timing import TimingOptions, optimise_timing
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
+from optimization.levers import phase_of_interval
 from optimization.timing_step import whole_cost
 from optimization.transition_dynamics import transition_options
+from scenes.contact import Contact
 from scenes.robot import Robot
+from scenes.stance import Stance
 
 WORTH = 0.02  # relative decrease that is worth another step: durations are rounded to knots afterwards
 
@@ -30,18 +34,23 @@ def free_durations(
         schedule: contacts with the durations to start from, multiples of `dt`.
         cone: friction cone by name.
         dt: knots' distance, whose multiples the durations are rounded to [s].
-        bounds: least and greatest durations, as factors of the given ones.
+        bounds: least and greatest durations, as factors of the given ones; swings get no shorter.
 
     Returns:
         (S-1,) shift and (S-1,) swing times and the last phase's [s], together no longer than they were; None where no
         others are better.
     """
-    problem = _problem(robot, schedule, schedule.times(dt))
-    timing = TimingOptions(shortest=bounds[0], longest=bounds[1], tolerance=WORTH)
+    t = schedule.times(dt)
+    problem = _problem(robot, schedule, t)
+    phase = schedule.phase_at(t[:-1])
+    swings = np.array([schedule.phases[p].mover >= 0 for p in phase])
+    group = phase_of_interval(problem.schedule)
+    # limbs that swing faster turn the body more, of which the centroidal program knows nothing
+    shortest = tuple(1.0 if swings[group == g].any() else bounds[0] for g in range(group.max() + 1))
+    timing = TimingOptions(shortest=shortest, longest=bounds[1], tolerance=WORTH)
     timed = optimise_timing(problem, _options(robot, cone), timing)
     if not timed.estimate.feasible or not timed.objective < timed.fixed_objective:
         return None
-    phase = schedule.phase_at(schedule.times(dt)[:-1])
     given, wanted = (np.bincount(phase, p.schedule.dt) for p in (problem, timed.problem))
     durations = round_to_grid(wanted, dt, float(given.sum()))
     return durations[0:-1:2], durations[1::2], float(durations[-1])
@@ -62,6 +71,19 @@ def effort(robot: Robot, schedule: Schedule, cone: str, trajectory: CentroidalTr
     """The documents' objective of a trajectory over these contacts (Lin 2020 sec. 6.3), with no reference to pull it."""
     program = CentroidalProgram(_problem(robot, schedule, trajectory.t), _options(robot, cone))
     return whole_cost(program, trajectory)
+
+
+def planned_schedule(plan: Plan) -> Schedule:
+    """The contacts of a plan over its phases."""
+    held = [
+        Contact(plan.effectors[e], int(s), X_WC, float(mu))
+        for X_WC, e, s, mu in zip(
+            plan.contacts.X_WC, plan.contacts.effector, plan.contacts.surface, plan.contacts.friction, strict=True
+        )
+    ]
+    stances = [Stance(tuple(held[c] if c >= 0 else None for c in row)) for row in plan.stances]
+    durations = plan.phases.end - plan.phases.start
+    return make_schedule(stances, shift=durations[0:-1:2], swing=durations[1::2], rest=float(durations[-1]))
 
 
 def _problem(robot: Robot, schedule: Schedule, t: np.ndarray) -> CentroidalProblem:

@@ -35,7 +35,7 @@ class TimingOptions:
 
     Attributes:
         each: "phase" (the longest runs of the same active contacts keep their intervals' shares) or "interval".
-        shortest, longest: bounds on each duration, as factors of the given one.
+        shortest, longest: bounds on each duration, as factors of the given one; one for all, or (G,) of them.
         interval: bounds on every interval [s].
         total: greatest sum of all durations [s]; the given sum where None, inf where free.
         change_weight: on the squared change of each interval [1/s^2], as in Ponton et al. 2018.
@@ -46,8 +46,8 @@ class TimingOptions:
     """
 
     each: str = "phase"
-    shortest: float = 0.5
-    longest: float = 2.0
+    shortest: float | tuple[float, ...] = 0.5
+    longest: float | tuple[float, ...] = 2.0
     interval: tuple[float, float] = (0.02, 0.5)
     total: float | None = None
     change_weight: float = 0.0
@@ -59,7 +59,8 @@ class TimingOptions:
     def __post_init__(self) -> None:
         if self.each not in ("phase", "interval"):
             raise InputError(f"timing options: each must be 'phase' or 'interval', got {self.each!r}")
-        if not (0 < self.shortest <= 1 <= self.longest and math.isfinite(self.longest)):
+        low, high = (np.atleast_1d(np.asarray(factor, float)) for factor in (self.shortest, self.longest))
+        if not ((low > 0).all() and (low <= 1).all() and (high >= 1).all() and np.isfinite(high).all()):
             raise InputError(
                 f"timing options: expected 0 < shortest <= 1 <= longest, got {self.shortest}, {self.longest}"
             )
@@ -187,8 +188,12 @@ class _TimingSearch:
         widest, narrowest = np.zeros(count), np.full(count, np.inf)
         np.maximum.at(widest, self.group, self.share)
         np.minimum.at(narrowest, self.group, self.share)
-        least = np.maximum(timing.shortest * self.given, timing.interval[0] / narrowest)
-        most = np.minimum(timing.longest * self.given, timing.interval[1] / widest)
+        for name in ("shortest", "longest"):
+            factor = getattr(timing, name)
+            if isinstance(factor, tuple) and len(factor) != count:
+                raise InputError(f"timing: {name} has {len(factor)} factors for {count} durations")
+        least = np.maximum(np.asarray(timing.shortest) * self.given, timing.interval[0] / narrowest)
+        most = np.minimum(np.asarray(timing.longest) * self.given, timing.interval[1] / widest)
         outside = np.flatnonzero((self.given < least * (1 - 1e-9)) | (self.given > most * (1 + 1e-9)))
         if len(outside):
             raise InputError(

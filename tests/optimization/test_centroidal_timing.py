@@ -199,6 +199,14 @@ def test_intervals_of_their_own_are_no_dearer_than_whole_phases():
     assert len(each.durations) == len(data.schedule.dt)
 
 
+def test_each_duration_keeps_to_bounds_of_its_own():
+    data = walk(1)
+    timed = optimise_timing(data, timing=TimingOptions(shortest=(0.5, 1.0, 0.5), longest=(2.0, 1.0, 2.0)))
+    assert timed.durations[1] == pytest.approx(timed.given[1])
+    assert not np.allclose(timed.durations, timed.given)
+    assert timed.objective < timed.fixed_objective
+
+
 def test_less_time_than_given_is_kept_to():
     data = walk(1)
     timed = optimise_timing(data, timing=TimingOptions(total=2.6))
@@ -224,6 +232,7 @@ def test_limits_leave_the_best_so_far():
         ({"each": "knot"}, "each"),
         ({"shortest": 1.5}, "shortest"),
         ({"longest": np.inf}, "longest"),
+        ({"shortest": (0.5, 1.2)}, "shortest"),
         ({"interval": (0.3, 0.1)}, "interval"),
         ({"total": -1.0}, "total"),
         ({"radius": 0.0}, "radius"),
@@ -240,5 +249,7 @@ def test_bounds_that_the_given_times_break_are_named():
     data = walk(1)
     with pytest.raises(InputError, match="outside the bounds"):
         optimise_timing(data, timing=TimingOptions(interval=(0.02, 0.1)))
+    with pytest.raises(InputError, match="2 factors for 3 durations"):
+        optimise_timing(data, timing=TimingOptions(shortest=(0.5, 1.0)))
     with pytest.raises(InputError, match="shortest durations take"):
         optimise_timing(data, timing=TimingOptions(total=0.5))
