@@ -34,7 +34,7 @@ def draw(table: BenchTable) -> Figure:
         costs.plot(solve, [_number(row[place["cost / best"]]) for row in found], linestyle="none", **style)
     times.set(yscale="log", ylabel="solve [CPU ms]", xticks=range(len(sizes)))
     times.set_xticklabels([str(size) for size in sizes], rotation=20, ha="right", fontsize=8)
-    costs.set(xscale="log", xlabel="solve [CPU ms]", ylabel="cost / best of the same cone and timing")
+    costs.set(xscale="log", xlabel="solve [CPU ms]", ylabel="cost over the best, or over the bound")
     figure.legend(*times.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
     return figure
 
