@@ -64,7 +64,7 @@ class CampaignProgress:
         failed: tasks in quarantine.
         rate: rows a second in this session.
         remaining: estimated time to the end [s], None before there is an estimate.
-        busy: processor time of the workers over wall time and number of workers, 1 where none ever waits.
+        cpu_time: processor time that tasks took in this session [s].
         message: something worth telling, may be empty.
     """
 
@@ -74,7 +74,7 @@ class CampaignProgress:
     failed: int
     rate: float
     remaining: float | None
-    busy: float
+    cpu_time: float
     message: str = ""
 
 
@@ -121,13 +121,11 @@ class _Run:
         self.campaign, self.folder, self.options, self.listener = campaign, folder, options, listener
         self.done = self.rows = self.failed = 0
         self.began, self.new_tasks, self.new_rows, self.cpu_time = time.monotonic(), 0, 0, 0.0
-        self.num_workers = 1
         self.open: dict[int, dict[int, Outcome]] = {}
         self.missing = self._take_stock()
 
     def work(self, workers: Workers) -> None:
         """Runs every task that is missing, a few ahead of the workers."""
-        self.num_workers = workers.num_workers
         self.began = time.monotonic()
         todo = (self._task(shard, index) for shard in self.missing for index in range(self.options.tasks_of(shard)))
         in_flight = 0
@@ -201,7 +199,8 @@ class _Run:
         left = self.options.tasks - self.done
         remaining = elapsed / self.new_tasks * left if self.new_tasks else None
         rate = self.new_rows / elapsed if elapsed > 0 else 0.0
-        busy = self.cpu_time / (elapsed * self.num_workers) if elapsed > 0 else 0.0
         self.listener(
-            CampaignProgress(self.done, self.options.tasks, self.rows, self.failed, rate, remaining, busy, message)
+            CampaignProgress(
+                self.done, self.options.tasks, self.rows, self.failed, rate, remaining, self.cpu_time, message
+            )
         )
