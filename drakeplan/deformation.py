@@ -4,7 +4,7 @@
 
 Each contact goes to the circle nearest to it by the distance of eq. 4.4; the elastic strip moves contacts and postures
 together until limits, contact, balance and clearance hold; dynamics and motion are made anew over the contacts that come
-out. A place that the strip or the motion breaks at is barred, and the contact goes to the next.
+out. A place that the strip or the motion breaks at counts as further away from then on, until a contact goes elsewhere.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from drakeplan.plan_file import read_plan, write_plan
 from drakeplan.progress import ProgressEvent
 from drakeplan.strip_setup import Sampling, choose_region, contact_choices, make_problem, planned_contacts, stands_alone
 from drakeplan.verifier import Report, verify
-from optimization.elastic_problem import BALANCE, CONTACT, StripEstimate, StripOptions
+from optimization.elastic_problem import CONTACT, StripEstimate, StripOptions
 from optimization.elastic_strip import ElasticStrip
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
@@ -39,6 +39,8 @@ from scenes.stance import Stance
 
 MAX_PER_PHASE = 10  # configurations; more make the strip slower and no better
 Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in
+PENALTY, MAX_PENALTIES = 0.04, 12  # [m] added to the distance of a place to blame, and how often for one repair
+BYSTANDER = 0.4  # share of the blame of contacts that are held where another, or the CoM, is off
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 
 
@@ -50,7 +52,7 @@ class DeformOptions:
         strip: of the elastic strip; its cone is the plan's, whatever is said here.
         per_phase: configurations of each phase in the strip, 1 to 10.
         furthest: distance (eq. 4.4) beyond which a region is no place for a contact [m].
-        repairs: times that a place at which strip or motion breaks is barred and the plan deformed again.
+        repairs: times that contacts are sent elsewhere where strip or motion breaks, and the plan is deformed again.
         deadline: processor time of regions and strips together, after which no further repair is begun [s].
         motion: whether dynamics and motion are made anew and verified; False ends with the contacts.
         progress: told what is going on.
@@ -58,7 +60,7 @@ class DeformOptions:
 
     strip: StripOptions = field(default_factory=lambda: StripOptions(turn=0.06))
     per_phase: int = 3
-    furthest: float = 0.35
+    furthest: float = 0.5
     repairs: int = 4
     deadline: float = 5.0
     motion: bool = True
@@ -138,7 +140,7 @@ def _check_surfaces(plan: Plan, scene: Scene) -> None:
 
 
 class _Deformation:
-    """One plan on one scene, with what has been barred so far."""
+    """One plan on one scene, with the blame laid so far."""
 
     def __init__(self, plan: Plan, scene: Scene, robot: Robot, options: DeformOptions) -> None:
         self.plan, self.scene, self.robot, self.options = plan, scene, robot, options
@@ -148,7 +150,7 @@ class _Deformation:
         self.strip_options = replace(options.strip, cone=plan.friction_cone)
         self.sampling = Sampling(options.per_phase, options.furthest, options.strip.turn)
         self.planned = planned_contacts(plan)
-        self.barred: list[set[int]] = [set() for _ in self.planned]
+        self.penalty: list[dict[int, float]] = [{} for _ in self.planned]
         self.report = dict.fromkeys(
             ("deform_s", "regions_s", "strip_s", "dynamics_s", "motion_s", "verification_s", "iterations",
              "configurations", "repairs", "moved_mean", "moved_most"), 0.0)  # fmt: skip
@@ -157,19 +159,17 @@ class _Deformation:
     def run(self) -> DeformResult:
         best = self._without_region()
         tried: set[tuple[int, ...]] = set()
+        chosen = self._choose() if best is None else []
         for attempt in range(self.options.repairs + 1 if best is None else 0):
-            chosen = self._choose()
-            places = tuple(contact.surface for contact, _ in chosen)
-            if places in tried:
-                break
-            tried.add(places)
             self.report["repairs"] = float(attempt)
+            tried.add(_places(chosen))
             result, blamed = self._attempt(chosen)
             best = result if best is None or _rank(result) > _rank(best) else best
             if result.status == "complete" or not blamed or self.report["deform_s"] > self.options.deadline:
                 break
-            for c in blamed:
-                self.barred[c].add(places[c])
+            chosen = self._choose_again(chosen, blamed, tried)
+            if not chosen:
+                break
         assert best is not None
         return replace(best, report=dict(self.report))
 
@@ -190,18 +190,24 @@ class _Deformation:
         return None
 
     def _choose(self) -> list[Choice]:
-        """Where each contact goes: the nearest place that is not barred, the nearest of all where everything is."""
-        chosen = []
-        for c, contact in enumerate(self.planned):
-            choice = choose_region(contact, self.choices[c], self.packed, self.barred[c])
-            if choice is None:
-                self.barred[c].clear()
-                choice = choose_region(contact, self.choices[c], self.packed, ())
-            assert choice is not None, "there are regions, and none is barred"
-            chosen.append(choice)
-        return chosen
+        """Where each contact goes: the nearest place, counting what was added for those that did not do."""
+        places = zip(self.planned, self.choices, self.penalty, strict=True)
+        return [choose_region(contact, regions, self.packed, penalty) for contact, regions, penalty in places]
 
-    def _attempt(self, chosen: list[Choice]) -> tuple[DeformResult, list[int]]:
+    def _choose_again(
+        self, chosen: list[Choice], blamed: dict[int, float], tried: set[tuple[int, ...]]
+    ) -> list[Choice]:
+        """Other places, the blamed contacts' made to look further until something new comes up; none if nothing does."""
+        for _ in range(MAX_PENALTIES):
+            for c, share in blamed.items():
+                surface = chosen[c][0].surface
+                self.penalty[c][surface] = self.penalty[c].get(surface, 0.0) + share * PENALTY
+            chosen = self._choose()
+            if _places(chosen) not in tried:
+                return chosen
+        return []
+
+    def _attempt(self, chosen: list[Choice]) -> tuple[DeformResult, dict[int, float]]:
         """One strip and what follows; with the contacts whose places are to blame where it fails."""
         strip = self._deform_strip(chosen)
         if not strip.feasible:
@@ -209,13 +215,13 @@ class _Deformation:
         stances = [Stance(tuple(strip.contacts[c] if c >= 0 else None for c in row)) for row in self.plan.stances]
         self._note_contacts(strip)
         if not self.options.motion:
-            return self._result("contacts", "no motion was asked for", stances, None, strip, None), []
+            return self._result("contacts", "no motion was asked for", stances, None, strip, None), {}
         motion = self._move(stances)
         report = None
         if motion.centroidal is not None and len(motion.problems) <= WORTH_VERIFYING:
             report, plan = self._verify(stances, motion)
             if report.holds:
-                return DeformResult("complete", "", plan, strip, report, dict(self.report)), []
+                return DeformResult("complete", "", plan, strip, report, dict(self.report)), {}
         reason = motion.reason
         if motion.ok and report is not None:
             reason = "verification failed: " + ", ".join(c.name for c in report.checks if not c.ok)
@@ -264,36 +270,37 @@ class _Deformation:
     ) -> DeformResult:  # fmt: skip
         return DeformResult(status, reason, self._assemble(stances, motion), strip, report, dict(self.report))
 
-    def _blame(self, strip: StripEstimate) -> list[int]:
-        """The contacts at which a strip breaks: the one that is missed, or the last made before what else fails."""
-        fault = strip.faults[0]
-        if fault.task == CONTACT and fault.contact >= 0:
-            return [fault.contact]
-        if fault.task == BALANCE:
-            support = self._problem.support[fault.configuration]
-            if (support >= 0).sum() == 1:
-                return [int(support.max())]
-        return self._made_around(fault.phase) if fault.phase >= 0 else []
+    def _blame(self, strip: StripEstimate) -> dict[int, float]:
+        """Contacts at which a strip breaks, and how much each is to blame: those missed, and whatever is held there."""
+        blamed: dict[int, float] = {}
+        worst = strip.faults[0].value / strip.faults[0].limit
+        for fault in strip.faults:
+            weight = fault.value / fault.limit / worst
+            if fault.task == CONTACT:
+                blamed[fault.contact] = max(blamed.get(fault.contact, 0.0), weight)
+            for c in self._problem.held[fault.configuration] if fault.configuration >= 0 else ():
+                if c >= 0:
+                    blamed[int(c)] = max(blamed.get(int(c), 0.0), BYSTANDER * weight)
+        return blamed
 
-    def _blame_motion(self, motion: MotionResult) -> list[int]:
-        """Where a motion fails, the contact that the failing transition makes, or the last one made before."""
-        blamed, table = set(), self.plan.stances
+    def _blame_motion(self, motion: MotionResult) -> dict[int, float]:
+        """Where a motion fails: the contact that the failing transition makes, or the last one made before; the others
+        held there less.
+        """
+        blamed: dict[int, float] = {}
+        table = self.plan.stances
         for transition in motion.failed_transitions:
-            for k in range(min(transition, len(table) - 2), -1, -1):
+            k = min(transition, len(table) - 2)
+            for c in table[k : k + 2].ravel():
+                if c >= 0:
+                    blamed[int(c)] = max(blamed.get(int(c), 0.0), BYSTANDER)
+            while k >= 0:
                 new = table[k + 1][(table[k + 1] >= 0) & (table[k + 1] != table[k])]
                 if len(new):
-                    blamed.add(int(new[0]))
+                    blamed[int(new[0])] = 1.0
                     break
-        return sorted(blamed)
-
-    def _made_around(self, phase: int) -> list[int]:
-        """The contact that the swing of this phase ends with, or the last one made before it."""
-        table = self.plan.phases.contact
-        for p in range(min(phase + 1, len(table) - 1), 0, -1):
-            new = table[p][(table[p] >= 0) & (table[p] != table[p - 1])]
-            if len(new):
-                return [int(new[0])]
-        return []
+                k -= 1
+        return blamed
 
     def _note_contacts(self, strip: StripEstimate) -> None:
         moved = [np.linalg.norm(a.p_WC - b.p_WC) for a, b in zip(strip.contacts, self.planned, strict=True)]
@@ -303,6 +310,10 @@ class _Deformation:
         spent = time.process_time() - began
         self.report[key] += spent
         self.report["deform_s"] += spent
+
+
+def _places(chosen: list[Choice]) -> tuple[int, ...]:
+    return tuple(contact.surface for contact, _ in chosen)
 
 
 def _rank(result: DeformResult) -> int:

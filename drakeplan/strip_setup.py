@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,21 +85,19 @@ def _carries_alone(contact: Contact, packed: PackedTerrain, surface: int, cone: 
 
 
 def choose_region(
-    contact: Contact, regions: ContactRegions, packed: PackedTerrain, barred: Collection[int]
-) -> tuple[Contact, ContactRegions] | None:
-    """The contact projected into its nearest region, and the circles of that surface; None where there is none.
+    contact: Contact, regions: ContactRegions, packed: PackedTerrain, penalty: Mapping[int, float]
+) -> tuple[Contact, ContactRegions]:
+    """The contact projected into its nearest region, and the circles of that surface.
 
     Args:
-        barred: surfaces that were found not to do.
+        regions: at least one.
+        penalty: surface -> what it adds to the distance, where contacts were found not to do [m].
     """
-    allowed = regions.where(~np.isin(regions.surface, list(barred)))
-    index, _ = allowed.nearest(contact.X_WC)
-    if index < 0:
-        return None
-    surface = int(allowed.surface[index])
-    point = allowed.project(contact.X_WC, index)[:3, 3]
+    more = np.array([penalty.get(int(s), 0.0) for s in regions.surface])
+    surface = int(regions.surface[np.argmin(regions.distance(contact.X_WC) + more)])
+    own = regions.where(regions.surface == surface)
+    point = own.project(contact.X_WC, own.nearest(contact.X_WC)[0])[:3, 3]
     X_WC = contact_pose(contact.effector, point, packed.normal[surface], contact.heading)
-    own = allowed.where(allowed.surface == surface)
     return Contact(contact.effector, surface, X_WC, float(packed.friction[surface]), contact.heading), own
 
 

@@ -54,6 +54,11 @@ class Violations:
         """The greatest violations of all tasks added: falls where one task gets on and another cannot be done."""
         return sum(self._shares)
 
+    def merit(self, contact_weight: float, exact_penalty: float) -> float:
+        """What the violations cost in the program's own terms: falls along a step that the linearisation is right about."""
+        short = self.balance.sum() + self.clearance.sum() + self.place.sum()
+        return float(contact_weight * (self.contact**2).sum() + exact_penalty * short)
+
     @property
     def _shares(self) -> tuple[float, ...]:
         return (

@@ -114,7 +114,7 @@ class StripOptions:
     """
 
     cone: str = "inner"
-    max_iterations: int = 12
+    max_iterations: int = 25
     time_limit: float = 4.0
     trust: float = 0.25
     trust_contact: float = 0.05

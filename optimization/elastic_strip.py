@@ -30,7 +30,7 @@ from optimization.elastic_rows import linearise, make_strip_rows
 from optimization.elastic_state import StripState, course_pose, first_state, moved_state
 from optimization.kinematic_tree import difference
 from optimization.kinematics import Kinematics
-from optimization.solvers import ConvexSolver, SolverSettings
+from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings
 from optimization.static_equilibrium import polygon_margin
 from scenes.effector import is_foot
 from scenes.packed_terrain import PackedTerrain
@@ -42,8 +42,10 @@ TAKE_OFF = 0.25  # share of a swing at either end in which what is in the air ma
 AIR_WEIGHT = 30.0  # [1/m^2] of the course of an end effector in the air; far below that of contacts
 ROUND = 1.0  # [1/m^2] quadratic part of the penalties, which makes the answer unique
 LEAST_TRUST = 0.04  # [rad, m]
-SETTLED, DONE = 5e-3, 0.04  # [rad, m] a step that ends the iterations, and one that does where every task is done
-WELL_HELD = 5e-4  # [m] contact error at which the strip may end early
+PROMISING = 0.7  # share to which violations must fall for steps to grow again
+STALLED, IDLE = 5, 0.98  # iterations in which violations must fall to this share, or the strip is given up
+SETTLED, DONE = 5e-3, 0.06  # [rad, m] a step that ends the iterations, and one that does where every task is done
+WELL_HELD = 1e-3  # [m] contact error at which the strip may end early
 LOOSE = 1e-2  # violation of a program's constraints up to which its answer is a step; slack makes all of them feasible
 ACCURATE = 1e-6  # of each convex program: the next iteration forgives more
 
@@ -210,14 +212,15 @@ class ElasticStrip:
 
         Where a task cannot be done the best strip so far comes back, marked, with the faults of that one.
         """
-        began = time.process_time()
-        solver = ConvexSolver(self.prog, SolverSettings(self.options.solver, ACCURATE, ACCURATE, accept=1e-4))
+        options, began = self.options, time.process_time()
+        solver = ConvexSolver(self.prog, SolverSettings(options.solver, ACCURATE, ACCURATE, accept=1e-4))
         state = first_state(self.problem)
-        trust, done, ended_by = self.options.trust, [], "iterations"
-        violations = self._look(state)
-        best, best_violations, step = state, violations, np.inf
-        for _ in range(self.options.max_iterations):
-            if time.process_time() - began > self.options.time_limit:
+        trust, ended_by = options.trust, "iterations"
+        done: list[StripIteration] = []
+        best, violations = state, self._look(state)
+        least, merits = violations, [violations.merit(options.contact_weight, options.exact_penalty)]
+        for _ in range(options.max_iterations):
+            if time.process_time() - began > options.time_limit:
                 ended_by = "time"
                 break
             self._update(state, trust)
@@ -226,20 +229,20 @@ class ElasticStrip:
                 ended_by = "solver"
                 break
             dq, dc = x[self._dq_index], x[self._dc_index]
-            step, before = float(np.abs(dq).max()), violations
             state = moved_state(state, dq, dc, self.tree, self._regions, self._circle)
-            done.append(StripIteration(before.contact.max(initial=0.0), before.balance.max(), before.clearance.max(),
-                                       record.cost, step, record.solver, record.time, time.process_time() - began))  # fmt: skip
+            done.append(_iteration(violations, record, float(np.abs(dq).max()), time.process_time() - began))
             violations = self._look(state)
-            if violations.total > 0.9 * before.total and violations.score > 1.0:
+            merits.append(violations.merit(options.contact_weight, options.exact_penalty))
+            if violations.total < least.total or violations.score <= 1.0:
+                best, least = state, violations
+            if merits[-1] > merits[-2]:
                 trust = max(0.5 * trust, LEAST_TRUST)
-            if violations.total < best_violations.total or violations.score <= 1.0:
-                best, best_violations = state, violations
-            finished = violations.score <= 1.0 and violations.contact.max(initial=0.0) < WELL_HELD
-            if step < SETTLED or (finished and step < DONE):
+            elif merits[-1] < PROMISING * merits[-2]:
+                trust = min(2.0 * trust, options.trust)
+            if _rests(violations, done[-1].step, merits):
                 ended_by = "converged"
                 break
-        return self._estimate(best, best_violations, tuple(done), ended_by)
+        return self._estimate(best, least, tuple(done), ended_by)
 
     def _look(self, state: StripState) -> Violations:
         """Linearises about a state and says what is wrong there."""
@@ -366,3 +369,19 @@ class ElasticStrip:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
         reason = f"the strip breaks: {faults[0]}{more}" if faults else ""
         return StripEstimate(not faults, reason, state.q, contacts, faults, iterations, ended_by)
+
+
+def _iteration(before: Violations, record: SolveRecord, step: float, elapsed: float) -> StripIteration:
+    return StripIteration(
+        float(before.contact.max(initial=0.0)), float(before.balance.max()), float(before.clearance.max()),
+        record.cost, step, record.solver, record.time, elapsed,
+    )  # fmt: skip
+
+
+def _rests(violations: Violations, step: float, merits: list[float]) -> bool:
+    """Whether another iteration would change nothing that matters: no step, all tasks done well, or no progress."""
+    if step < SETTLED:
+        return True
+    if violations.score <= 1.0:
+        return step < DONE and violations.contact.max(initial=0.0) < WELL_HELD
+    return len(merits) > STALLED and merits[-1] > IDLE * merits[-1 - STALLED]

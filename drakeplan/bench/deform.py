@@ -12,6 +12,7 @@ import os
 import re
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,34 +35,30 @@ RESUME = "DRAKEPLAN_BENCH_RESUME"  # names a file of JSON lines: what stands the
 
 VARIES = r"( for transition \d+| at [\d.]+ s:| within [\d.]+ m).*"  # the part of a reason that names one case
 
+NO_PLAN = "no plan"  # there is nothing to deform
+
 Case = dict[str, object]
 
 
 def run(options: BenchOptions) -> BenchTable:
     """Moves 0 and up of each scene; with the file that `DRAKEPLAN_BENCH_RESUME` names it goes on where it stopped."""
     robot = load_robot(options.robot)
-    file = Path(os.environ[RESUME]) if os.environ.get(RESUME) else None
-    known = _read(file)
-    plans: dict[tuple[str, int], Plan | None] = {}
     cases: dict[str, list[Case]] = {name: [] for name in SCENES}
+    parts = _Parts(robot, Path(os.environ[RESUME]) if os.environ.get(RESUME) else None)
     for seed in range(options.seeds):
         for name in SCENES:
-            case = known.get((options.robot, name, seed))
-            if case is None:
-                case = _run_case(plans, robot, name, seed)
-                _append(file, case)
+            case = parts("deform", name, seed) | parts("replan", name, seed)
             cases[name].append(case)
-            options.tell(
-                f"{name} {seed}: deformed {case['deform']} ({case['deform_reason']}), planned {case['replan']}"
-            )
+            outcome = f"deformed {case['deform']} ({case['deform_reason']}), planned {case['replan']}"
+            options.tell(f"{name} {seed}: {outcome}")
     rows, notes = [], []
     for name, found in cases.items():
         rows.append(_row(name, found))
         notes += _reasons(name, found)
     columns = ("scene", "moved scenes", "planned again", "deformed", "both", "share of planned", "target",
                "deformation median s", "p95", "target s", "whole deformation median s", "planning again median s")  # fmt: skip
-    notes.append("Deformation: regions and strips, seconds of processor time; whole deformation adds dynamics, motion and "
-                 "verification; both columns on the right in wall time.")  # fmt: skip
+    notes.append("Deformation: regions and strips with their repairs; whole deformation adds dynamics, motion and "
+                 "verification. Seconds of processor time, which do not depend on what else the machine does.")  # fmt: skip
     title = "Plans deformed to surfaces moved by up to 10 cm and 15 deg"
     return BenchTable("deform", title, columns, tuple(rows), tuple(notes))
 
@@ -73,22 +70,45 @@ def moved_scene(name: str, seed: int) -> tuple[Scene, Scene]:
     return scene, dataclasses.replace(scene, name=f"{name}_moved", terrain=terrain)
 
 
-def _run_case(plans: dict[tuple[str, int], Plan | None], robot: Robot, name: str, seed: int) -> Case:
-    scene, moved = moved_scene(name, seed)
-    key = name, seed % PLANS
-    if key not in plans:
-        plans[key] = plan_scene(scene, robot, PlanOptions(seed=seed % PLANS, deadline=DEADLINE)).plan
-    case: Case = {"robot": robot.name, "scene": name, "seed": seed}
-    plan = plans[key]
+class _Parts:
+    """The two halves of every case, run once and kept in a file where there is one."""
+
+    def __init__(self, robot: Robot, file: Path | None) -> None:
+        self._robot, self._file = robot, file
+        self._known = _read(file)
+        self._plans: dict[tuple[str, int], Plan | None] = {}
+
+    def __call__(self, part: str, name: str, seed: int) -> Case:
+        key = part, self._robot.name, name, seed
+        if key not in self._known:
+            found = _run_part(self._plan, self._robot, part, name, seed)
+            self._known[key] = {"part": part, "robot": self._robot.name, "scene": name, "seed": seed} | found
+            _append(self._file, self._known[key])
+        return self._known[key]
+
+    def _plan(self, name: str, seed: int) -> Plan | None:
+        """The verified plan that a move deforms."""
+        key = name, seed % PLANS
+        if key not in self._plans:
+            options = PlanOptions(seed=key[1], deadline=DEADLINE)
+            self._plans[key] = plan_scene(load_scene(name, seed=key[1]), self._robot, options).plan
+        return self._plans[key]
+
+
+def _run_part(plan_of: Callable[[str, int], Plan | None], robot: Robot, part: str, name: str, seed: int) -> Case:
+    _, moved = moved_scene(name, seed)
+    if part == "replan":
+        began = time.process_time()
+        again = plan_scene(moved, robot, PlanOptions(seed=seed, deadline=DEADLINE))
+        return {"replan": again.status, "replan_reason": again.reason, "replan_s": time.process_time() - began}
+    plan = plan_of(name, seed)
     if plan is None or plan.motion is None:
-        return case | {"deform": "no plan", "deform_reason": "the unmoved scene has no verified plan", "deform_s": np.nan,
-                       "deform_total_s": np.nan, "replan": "not asked", "replan_reason": "", "replan_s": np.nan}  # fmt: skip
-    began = time.perf_counter()
+        return {"deform": NO_PLAN, "deform_reason": "the unmoved scene has no verified plan", "deform_s": np.nan,
+                "deform_total_s": np.nan}  # fmt: skip
+    began = time.process_time()
     result = deform(plan, moved, DeformOptions(), robot=robot)
-    case |= {"deform": result.status, "deform_reason": _category(result), "deform_s": result.report["deform_s"],
-             "deform_detail": result.reason, "deform_total_s": time.perf_counter() - began}  # fmt: skip
-    again = plan_scene(moved, robot, PlanOptions(seed=seed, deadline=DEADLINE))
-    return case | {"replan": again.status, "replan_reason": again.reason, "replan_s": again.report["total_s"]}
+    return {"deform": result.status, "deform_reason": _category(result), "deform_detail": result.reason,
+            "deform_s": result.report["deform_s"], "deform_total_s": time.process_time() - began}  # fmt: skip
 
 
 def _category(result: DeformResult) -> str:
@@ -101,13 +121,13 @@ def _category(result: DeformResult) -> str:
 
 
 def _row(name: str, cases: list[Case]) -> tuple[object, ...]:
-    asked = [c for c in cases if c["replan"] != "not asked"]
+    asked = [c for c in cases if c["deform"] != NO_PLAN]
     planned = [c for c in asked if c["replan"] == "complete"]
     deformed = [c for c in asked if c["deform"] == "complete"]
     both = [c for c in planned if c["deform"] == "complete"]
 
     def middle(found: list[Case], key: str, percent: float = 50.0) -> float:
-        values = [float(c[key]) for c in found]  # type: ignore[arg-type]
+        values = [float(c[key]) for c in found if np.isfinite(c[key])]  # type: ignore[arg-type, call-overload]
         return float(np.percentile(values, percent)) if values else float("nan")
 
     share = len(both) / len(planned) if planned else float("nan")
@@ -120,14 +140,15 @@ def _reasons(name: str, cases: list[Case]) -> list[str]:
     return [f"{name}: {count} times {reason}" for reason, count in failed.most_common()]
 
 
-def _read(file: Path | None) -> dict[tuple[str, str, int], Case]:
+def _read(file: Path | None) -> dict[tuple[str, str, str, int], Case]:
     if file is None or not file.exists():
         return {}
     cases = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
-    return {(c["robot"], c["scene"], c["seed"]): c for c in cases}
+    return {(c["part"], c["robot"], c["scene"], c["seed"]): c for c in cases}
 
 
 def _append(file: Path | None, case: Case) -> None:
     if file is not None:
+        cut_off = file.exists() and not file.read_bytes().endswith(b"\n")  # by a kill in the middle of a line
         with file.open("a", encoding="utf-8") as out:
-            out.write(json.dumps(case) + "\n")
+            out.write(("\n" if cut_off and file.stat().st_size else "") + json.dumps(case) + "\n")

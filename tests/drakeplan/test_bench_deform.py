@@ -13,27 +13,30 @@ from drakeplan.deformation import DeformResult
 from scenes.robot import Robot
 
 
-def fake_case(asked: list[tuple[str, int]], plans: dict, robot: Robot, name: str, seed: int) -> dict[str, object]:
+def fake_part(
+    asked: list[tuple[str, str, int]], plan_of: object, robot: Robot, part: str, name: str, seed: int
+) -> dict:
     """Even seeds are deformed, seed 3 is not planned again, seed 4 has no plan to deform."""
-    asked.append((name, seed))
-    case = {"robot": robot.name, "scene": name, "seed": seed, "deform_s": 1.0 + seed, "deform_total_s": 4.0}
+    asked.append((part, name, seed))
+    if part == "replan":
+        return {"replan": "none" if seed == 3 else "complete", "replan_s": 2.0}
     if seed == 4:
-        return case | {"deform": "no plan", "deform_reason": "none", "replan": "not asked", "replan_s": np.nan}
-    done = "complete" if seed % 2 == 0 else "strip"
-    case |= {"deform": done, "deform_reason": "" if seed % 2 == 0 else "strip: balance"}
-    return case | {"replan": "none" if seed == 3 else "complete", "replan_s": 2.0}
+        return {"deform": bench.NO_PLAN, "deform_reason": "none", "deform_s": np.nan, "deform_total_s": np.nan}
+    failed = seed % 2 == 1
+    return {"deform": "strip" if failed else "complete", "deform_reason": "strip: balance" if failed else "",
+            "deform_s": 1.0 + seed, "deform_total_s": 4.0}  # fmt: skip
 
 
 def test_the_share_is_that_of_scenes_which_planning_again_solves(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    asked: list[tuple[str, int]] = []
-    monkeypatch.setattr(bench, "_run_case", lambda *args: fake_case(asked, *args))
+    asked: list[tuple[str, str, int]] = []
+    monkeypatch.setattr(bench, "_run_part", lambda *args: fake_part(asked, *args))
     monkeypatch.setenv(bench.RESUME, str(tmp_path / "cases.jsonl"))
     bench.run(BenchOptions(seeds=2))
-    assert len(asked) == 4
+    assert len(asked) == 8
     table = bench.run(BenchOptions(seeds=5))
-    assert len(asked) == 10, "what stands in the file is not run again"
+    assert len(asked) == 20, "what stands in the file is not run again"
     row = dict(zip(table.columns, table.rows[0], strict=True))
     assert (row["moved scenes"], row["planned again"], row["deformed"], row["both"]) == (4, 3, 2, 2)
     assert row["share of planned"] == pytest.approx(2 / 3)
@@ -42,14 +45,14 @@ def test_the_share_is_that_of_scenes_which_planning_again_solves(
 
 
 def test_a_line_cut_off_by_a_kill_is_run_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    asked: list[tuple[str, int]] = []
-    monkeypatch.setattr(bench, "_run_case", lambda *args: fake_case(asked, *args))
+    asked: list[tuple[str, str, int]] = []
+    monkeypatch.setattr(bench, "_run_part", lambda *args: fake_part(asked, *args))
     file = tmp_path / "cases.jsonl"
     monkeypatch.setenv(bench.RESUME, str(file))
     bench.run(BenchOptions(seeds=1))
     file.write_text(file.read_text()[:-20])
     bench.run(BenchOptions(seeds=1))
-    assert len(asked) == 3
+    assert len(asked) == 5
 
 
 def test_a_moved_scene_is_the_same_every_time() -> None:

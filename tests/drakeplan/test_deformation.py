@@ -13,8 +13,10 @@ from drakeplan.plan import Plan
 from drakeplan.plan_file import write_plan
 from drakeplan.strip_setup import Sampling, choose_region, contact_choices, make_problem, planned_contacts, stands_alone
 from drakeplan.verifier import verify
+from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
+from scenes.library.plates import level_plate
 from scenes.moved_terrain import move_surfaces
 from scenes.packed_terrain import pack_terrain
 from scenes.pose import rpy_rotation
@@ -22,6 +24,7 @@ from scenes.robot import load_robot
 from scenes.scene import Scene
 from scenes.scene_file import scene_from_yaml
 from scenes.surface import Surface
+from scenes.terrain import terrain_from
 
 SAMPLING = Sampling(per_phase=3, furthest=0.35, turn=0.06)
 
@@ -108,7 +111,7 @@ def test_a_path_does_as_well_as_a_plan(stepping_plan: Plan, moved: Scene, tmp_pa
 def test_at_phase_boundaries_everything_is_in_place_and_what_is_shared_carries(stepping_plan: Plan) -> None:
     scene, contacts = scene_of(stepping_plan), planned_contacts(stepping_plan)
     packed, robot = pack_terrain(scene.terrain), load_robot("escher")
-    chosen = [choose_region(c, contact_choices(c, robot, packed, SAMPLING, None), packed, ()) for c in contacts]
+    chosen = [choose_region(c, contact_choices(c, robot, packed, SAMPLING, None), packed, {}) for c in contacts]
     problem = make_problem(stepping_plan, scene, contacts, chosen, SAMPLING)
     table = stepping_plan.phases.contact
     assert (np.bincount(problem.phase) <= SAMPLING.per_phase + 1).all()
@@ -133,12 +136,17 @@ def test_a_foot_that_swings_leaves_the_other_alone_with_the_weight_unless_a_palm
         assert is_alone == ({c} in phases)
 
 
-def test_barred_surfaces_are_left_out(stepping_plan: Plan) -> None:
-    packed = pack_terrain(scene_of(stepping_plan).terrain)
-    contact = planned_contacts(stepping_plan)[0]
+def test_a_penalty_sends_a_contact_to_the_next_surface() -> None:
+    packed = pack_terrain(
+        terrain_from([level_plate("low", (-1, 1), (-1, 1)), level_plate("high", (-1, 1), (0.2, 1), z=0.1)])
+    )
+    contact = Contact("left_foot", 0, contact_pose("left_foot", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0), 0.5)
     regions = contact_choices(contact, load_robot("escher"), packed, SAMPLING, "inner")
-    assert choose_region(contact, regions, packed, ())[0].surface == 0
-    assert choose_region(contact, regions, packed, {0}) is None
+    near, _ = choose_region(contact, regions, packed, {})
+    far, own = choose_region(contact, regions, packed, {0: 0.3})
+    assert (near.surface, far.surface, set(own.surface)) == (0, 1, {1})
+    assert far.p_WC[2] == pytest.approx(0.1)
+    assert far.p_WC[1] >= 0.25
 
 
 # ---- where it cannot be done
@@ -149,7 +157,7 @@ def test_a_wall_that_is_gone_leaves_the_palm_nowhere_to_go(stepping_plan: Plan) 
     away = with_surfaces(scene, wall=scene.terrain.surfaces[1].vertices + np.array([0.0, 5.0, 0.0]))
     result = deform(stepping_plan, away)
     assert result.status == "none"
-    assert "left_palm): no contact region within 0.35 m" in result.reason
+    assert "left_palm): no contact region within 0.5 m" in result.reason
 
 
 def test_ground_too_steep_to_stand_on_alone_is_said_to_be(stepping_plan: Plan) -> None:
