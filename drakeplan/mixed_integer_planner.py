@@ -211,6 +211,10 @@ class MixedIntegerPlanner:
             yield ContactPlan(found, states, cost, None, search.expansions, self.setup_s + clock() - began)
             return
         search.ended_by = "exhausted"
+        if self._failures:
+            self._why = (
+                f"no program of up to {MAX_CONTACTS} contacts gives a sequence that passes{self._failure_text()}"
+            )
 
     def forbid(self, before: State, after: State) -> None:
         """Narrows the reach where a transition failed a later, stricter check, so that the next answer differs."""

@@ -25,6 +25,7 @@ from optimization.contact_query import (
     movers,
 )
 from optimization.foothold_regions import FootholdRegion, foothold_regions
+from optimization.friction import cone_index, frame_stands_alone
 from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress, solve_mixed_integer
 from scenes.effector import EFFECTORS
 from scenes.stance import Stance
@@ -165,6 +166,7 @@ class FootstepProgram:
                     apart[1] - (s * o[0] + c * o[1])]  # fmt: skip
             _cone(self.prog, rows, f"reach {k} {name}")
         self._narrow(name, place, stand, apart, side)
+        self._add_support(name, stand)
         left, right = (c.p_WC for c in self.query.start.contacts[:2])
         lack = max(abs(left[2] - right[2]) - reach.rise, 0.0) * place.skipped
         _between(self.prog, apart[2], -reach.rise - lack, reach.rise + lack, f"rise {name}")
@@ -173,6 +175,28 @@ class FootstepProgram:
             lack = 2 * np.pi * place.skipped
             _between(self.prog, turn, -reach.turn_in - lack, reach.turn_out + lack, f"turn {name}")
         self._add_stride(name, place, old, reach.stride, 0.0)
+
+    def _add_support(self, name: str, stand: Place) -> None:
+        """While a foot swings, some palm is held if the other foot alone could not carry the weight at rest."""
+        if not (self._standing and self.options.palms):
+            return
+        cone = cone_index(self.query.cone)
+
+        def steep(friction: float, R_WC: np.ndarray) -> bool:
+            return not frame_stands_alone(cone, friction, np.ascontiguousarray(R_WC))
+
+        if stand.given is not None:
+            needs: object = float(steep(stand.given.friction, stand.given.R_WC))
+        else:
+            chosen = zip(stand.regions, stand.choice, strict=True)
+            needs = sum((b for r, b in chosen if steep(r.friction, r.R_WC)), start=0.0)
+        palms = [self.last[e] for e in (2, 3) if e in self.last]
+        held = sum((1.0 - p.skipped for p in palms), start=0.0)
+        if isinstance(held, float) and isinstance(needs, float):
+            if held < needs:
+                self.reason = f"{name}: neither foot nor palm can carry the weight while the other foot swings"
+            return
+        self.prog.AddLinearConstraint(held - needs, 0.0, np.inf).evaluator().set_description(f"support {name}")
 
     def _narrow(self, name: str, place: Place, stand: Place, apart: np.ndarray, side: float) -> None:
         """Less reach, or none, while the feet stand on a pair of surfaces where stances have failed."""

@@ -18,7 +18,7 @@ import numpy as np
 from optimization.mixed_integer_data import INTEGRAL, MixedIntegerData, build_program
 
 MAX_BACKTRACKS = 30
-DIVE_SHARE = 0.2  # of the time limit that solvers give to a dive
+DIVE_SHARE = 0.5  # of the time limit that solvers give to a dive
 NEARLY = 0.99  # a binary this near to 1 is fixed without being asked
 
 

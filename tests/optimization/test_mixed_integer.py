@@ -252,6 +252,22 @@ def test_palms_are_held_within_an_arm_of_the_shoulder_and_may_stay_free() -> Non
     assert all(s.contacts[2] is None for s in free.stances)
 
 
+def test_a_palm_is_held_while_a_foot_stands_where_it_could_not_stand_alone() -> None:
+    scene = load_scene("tilted_slab")
+    q = query(scene.terrain, Goal((1.7, 0.1, 0.0), 0.3))
+    options = FootstepOptions(18, palms=(2,), free_palm=-0.1)  # free where it may be
+    estimate = FootstepProgram(q, options).solve(MixedIntegerSettings(SOLVER, time_limit=40, first_only=True))
+    assert estimate.feasible, estimate.reason
+    slab = next(k for k, s in enumerate(scene.terrain.surfaces) if s.name == "slab")
+    on_slab = 0
+    for before, after in itertools.pairwise(estimate.stances):
+        for foot in (0, 1):
+            if before.contacts[foot] != after.contacts[foot] and before.contacts[1 - foot].surface == slab:
+                on_slab += 1
+                assert before.contacts[2] is not None
+    assert on_slab
+
+
 def test_a_goal_out_of_reach_is_told_without_a_solver() -> None:
     q = query(Terrain((plate("floor", (-1, 1), (-1, 1)), plate("island", (5, 6), (-1, 1)))), Goal((5.5, 0, 0), 0.2))
     estimate = FootstepProgram(q, FootstepOptions(12)).solve()
