@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from optimization.centroidal_options import ARM, LEAST_PRESSURE_LOAD, UP
-from optimization.contact_wrench import pressure_residuals, skew
+from optimization.contact_wrench import cross, pressure_residuals, skew
 from optimization.sparse_rows import SparseRows
 from optimization.updatable_program import Rows
 
@@ -77,7 +77,7 @@ def momentum_rate_rows(
     rows.add_blocks(row, com, -skew(total_force) / ARM)
     lever = skew(p - com0[interval]) @ R / ARM
     rows.add_blocks(row[interval], wrench, -np.concatenate([lever, R], axis=2))
-    return rows, None, -np.cross(total_force, com0 - origin).ravel() / ARM
+    return rows, None, -cross(total_force, com0 - origin).ravel() / ARM
 
 
 def pressure_rows(z_index: np.ndarray, wrench_index: np.ndarray, wrench: np.ndarray, half: np.ndarray) -> Rows:

@@ -13,6 +13,7 @@ import numpy as np
 
 from optimization.centroidal_options import GRAVITY
 from optimization.contact_schedule import ContactSchedule
+from optimization.contact_wrench import cross
 
 LEAST_LOAD = 1e-9  # [M g]: below it a contact carries nothing and its centre of pressure is put at the centre
 
@@ -95,7 +96,7 @@ class WrenchIntegrator:
         velocity = velocity0 + np.cumsum(self.dt * acceleration, axis=0)
         com = com0 + np.cumsum(self.dt * velocity, axis=0)
         lever = self.p_WC - com[self.interval]  # about the CoM from the start: no large moments to cancel
-        _, k_rate = self.sums(force_W, np.cross(lever, force_W) + turned)
+        _, k_rate = self.sums(force_W, cross(lever, force_W) + turned)
         return CentroidalState(com, velocity, k0 + np.cumsum(self.dt * k_rate, axis=0), total_force, k_rate)
 
     def trajectory(

@@ -63,6 +63,7 @@ class _Stack:
         cols = np.concatenate([np.zeros(0, int), *(p[1] for p in parts)])
         shape = (int(self.starts[-1]), num_vars)
         self.pattern = RowPattern.of(rows, cols, shape, np.arange(num_vars))
+        self.matrix = self.pattern.matrix(np.zeros(len(rows)))
         self.names = tuple(block.name for block in blocks)
 
     def read(self) -> LinearRows:
@@ -70,7 +71,8 @@ class _Stack:
         upper = np.concatenate([np.zeros(0), *(block.upper for block in self.blocks)])
         low = (block.upper if block.lower is None else block.lower for block in self.blocks)
         lower = np.concatenate([np.zeros(0), *low])
-        return LinearRows(self.pattern.matrix(values), lower, upper, self.names, self.starts[:-1])
+        self.matrix.data = values[self.pattern.order]  # a new matrix would have its places checked again
+        return LinearRows(self.matrix, lower, upper, self.names, self.starts[:-1])
 
 
 class UpdatableProgram:
@@ -225,7 +227,10 @@ class UpdatableProgram:
         return np.diag(w), -w * goal, 0.5 * float(w @ goal**2)
 
     def read(self, *, costs: bool = True) -> QuadraticProgram:
-        """The present numbers as a solver takes them; `costs` is there for `quadratic_program.ProgramReader`'s sake."""
+        """The present numbers as a solver takes them, until the next `read`: the matrices are the same objects.
+
+        `costs` is there for `quadratic_program.ProgramReader`'s sake.
+        """
         if self._stacks is None:
             blocks = self._rows.values()
             equal = [block for block in blocks if block.lower is None]

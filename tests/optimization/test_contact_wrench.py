@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from optimization.contact_wrench import CornerForces, pressure_residuals, skew
+from optimization.contact_wrench import CornerForces, cross, pressure_residuals, skew
 from optimization.friction import CONES, contains
 
 HALF = np.array([[0.11, 0.05], [0.06, 0.07]])
@@ -63,3 +63,9 @@ def test_the_jacobian_of_the_residuals_is_that_of_central_differences(load):
         shift = step * np.eye(6)[i]
         ahead, behind = (pressure_residuals(wrench + s * shift, HALF, ARM, 0.01)[0] for s in (1, -1))
         assert np.allclose(jacobian[:, :, i], (ahead - behind) / (2 * step), atol=1e-6)
+
+
+def test_cross_products_are_those_of_numpy():
+    a, b = np.random.default_rng(0).normal(size=(2, 7, 3))
+    assert np.allclose(cross(a, b), np.cross(a, b), atol=1e-15)
+    assert cross(a[:0], b[:0]).shape == (0, 3)
