@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optimization.capture_check import Fault, dynamics_faults, motion_faults
+from optimization.capture_check import Fault, dynamics_faults, motion_faults, torque_fault
 from optimization.capture_question import CaptureQuestion
 from optimization.capture_state import FittedState, StateFit
 from optimization.centroidal_options import CentroidalOptions
@@ -21,6 +21,7 @@ from optimization.friction import DEFAULT_CONE
 from optimization.kinodynamic import KinodynamicEstimate, KinodynamicOptions, KinodynamicProblem, KinodynamicProgram
 from optimization.momentum_gap import MomentumGap
 from scenes.input_error import InputError
+from scenes.plant import build_plant
 from scenes.robot import Robot
 
 STATE_COM, STATE_CONTACT, STATE_SPEED = 5e-3, 5e-3, 0.05  # [m, m, m/s] that a fitted start may be off
@@ -131,6 +132,10 @@ class CaptureAnswer:
 class CaptureChecker:
     """Answers questions of capture for one robot; programs are kept and take the next question's numbers.
 
+    What is captured has passed the centroidal check (`centroidal_check`) and that of its motion (`capture_check`):
+    contacts, joint limits, speeds, torques, momenta, rest. Torque limits bind the forces only where a first answer breaks
+    them. Collisions of the body with itself and the terrain are left out, as in the document.
+
     ```python
     checker = CaptureChecker(load_robot("escher"))
     answer = checker.check(CaptureQuestion(stance, com, momentum).pushed(impulse))
@@ -140,7 +145,9 @@ class CaptureChecker:
     def __init__(self, robot: Robot, options: CaptureOptions | None = None) -> None:
         self.robot, self.options = robot, options or capture_options(robot)
         self.fit = StateFit(robot)
-        self._program = KinodynamicProgram(robot, self.options.kinodynamic)
+        built, limited = build_plant(robot), replace(self.options.kinodynamic, torque_limits=True)
+        self._program = KinodynamicProgram(robot, self.options.kinodynamic, robot_plant=built)
+        self._limited = KinodynamicProgram(robot, limited, robot_plant=built)
 
     def check(self, question: CaptureQuestion) -> CaptureAnswer:
         """Tries the swing times one after the other until the robot comes to rest."""
@@ -172,8 +179,12 @@ class CaptureChecker:
     def attempt(self, question: CaptureQuestion, state: FittedState, swing_time: float) -> CaptureAttempt:
         """One swing time [s], 0 for zero-step capture, from a fitted state."""
         problem = self.problem(question, swing_time)
-        estimate = self._program.solve(KinodynamicProblem(problem, state.q, v_start=state.v))
-        fault = self._fault(problem, estimate)
+        whole_body = KinodynamicProblem(problem, state.q, v_start=state.v)
+        estimate = self._program.solve(whole_body)
+        fault = self._fault(whole_body, state.v, estimate)
+        if fault is not None and fault.block.startswith("torque"):
+            estimate = self._limited.solve(whole_body)
+            fault = self._fault(whole_body, state.v, estimate)
         reason = "" if fault is None else fault.told(question, swing_time)
         return CaptureAttempt(swing_time, reason, estimate.gaps, estimate)
 
@@ -192,20 +203,24 @@ class CaptureChecker:
             initial_angular_momentum=question.angular_momentum,
         )
 
-    def _fault(self, problem: CentroidalProblem, estimate: KinodynamicEstimate) -> Fault | None:
+    def _fault(
+        self, whole_body: KinodynamicProblem, v_start: np.ndarray, estimate: KinodynamicEstimate
+    ) -> Fault | None:
         """The first thing that is wrong with an answer, None where it holds. The program's own verdict is not asked."""
-        dynamics = estimate.centroidal
+        problem, dynamics, kinematics = whole_body.centroidal, estimate.centroidal, self.fit.kinematics
         if dynamics is None or dynamics.trajectory is None:
             return Fault("dynamics", "have no solution: " + ("" if dynamics is None else dynamics.reason), 0.0)
-        options = self.options.kinodynamic
-        faults = dynamics_faults(problem, options.centroidal, dynamics.trajectory)
-        if not faults:
-            kinematics, schedule = self.fit.kinematics, problem.schedule
-            faults = motion_faults(kinematics, schedule, dynamics.trajectory, estimate.q, options.agreement)
-            if faults and estimate.gaps and estimate.gaps[-1].over(options.agreement) > GIVE_UP[-1]:
-                worst = faults[0]
-                return Fault("motion", f"comes nowhere near the forces: {worst.block} {worst.detail}", worst.time)
-        return faults[0] if faults else None
+        options, trajectory = self.options.kinodynamic, dynamics.trajectory
+        faults = dynamics_faults(problem, options.centroidal, trajectory)
+        if faults:
+            return faults[0]
+        faults = motion_faults(kinematics, problem.schedule, trajectory, estimate.q, options.agreement)
+        if faults and estimate.gaps and estimate.gaps[-1].over(options.agreement) > GIVE_UP[-1]:
+            worst = faults[0]
+            return Fault("motion", f"comes nowhere near the forces: {worst.block} {worst.detail}", worst.time)
+        if faults:
+            return faults[0]
+        return torque_fault(kinematics, problem, trajectory, estimate.q, v_start, self._program.effort)
 
 
 def state_fault(state: FittedState) -> str:

@@ -16,13 +16,14 @@ from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
+from optimization.joint_torques import TorqueRows
 from optimization.kinematics import Kinematics
 from optimization.momentum_gap import Gap, MomentumGap
 from scenes.effector import EFFECTORS
 
 CONTACT, ANGLE = 5e-3, np.deg2rad(1.0)  # [m, rad] that a held end effector may be off its contact
 LIMIT = 1e-6  # [rad] beyond a joint's limit
-SPEED = 1.0 + 1e-3  # of a joint's speed limit
+SPEED, TORQUE = 1.0 + 1e-3, 1.0 + 1e-3  # of a joint's limits
 REST_LINEAR, REST_ANGULAR = 2.0, 2.0  # [kg m/s, N m s] momenta of the motion that count as rest at the end
 
 
@@ -93,6 +94,34 @@ def motion_faults(
     if share[n, j] > SPEED:
         faults.append(Fault(f"speed of {kinematics.joint_names[j]}", f"at {share[n, j]:.2f} of its limit", t[n]))
     return faults + _momentum_faults(kinematics, schedule, trajectory, q, v, agreement)
+
+
+def torque_fault(
+    kinematics: Kinematics,
+    problem: CentroidalProblem,
+    trajectory: CentroidalTrajectory,
+    q: np.ndarray,
+    v_start: np.ndarray,
+    effort: np.ndarray,
+) -> Fault | None:
+    """The joint that must push hardest beyond its limit to bring a motion about under these forces, None where none must.
+
+    Args:
+        kinematics: frames in the order of `EFFECTORS`.
+        problem: contacts and mass.
+        trajectory: the contact forces.
+        q: (N, nq) configurations at the knots.
+        v_start: (nv,) velocity at the first one.
+        effort: (nv - 6,) limits [N m]; inf where there is none.
+    """
+    schedule = problem.schedule
+    v = np.array([kinematics.difference(a, b) for a, b in pairwise(q)]) / schedule.dt[:, None]
+    rows = TorqueRows(kinematics, problem, effort, q, np.vstack([v_start, v]))
+    share = np.abs(rows.torques(trajectory)) / effort
+    n, j = np.unravel_index(int(share.argmax()), share.shape)
+    if share[n, j] <= TORQUE:
+        return None
+    return Fault(f"torque of {kinematics.joint_names[j]}", f"at {share[n, j]:.2f} of its limit", schedule.times[n])
 
 
 def _contact_faults(kinematics: Kinematics, schedule: ContactSchedule, q: np.ndarray) -> list[Fault]:

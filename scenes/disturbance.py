@@ -52,7 +52,7 @@ class Disturbance:
             return np.ones(len(points), bool)
         X_WR = np.eye(4) if self.X_WR is None else self.X_WR
         p_RP = (points - X_WR[:3, 3]) @ X_WR[:3, :3]
-        return (np.abs(p_RP) <= np.asarray(self.box_size) / 2).all(axis=1)
+        return np.asarray((np.abs(p_RP) <= np.asarray(self.box_size) / 2).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,8 @@ class PushDistribution:
         """Probability that no push happens within this time [s]."""
         if np.any(np.asarray(duration) < 0) or not np.isfinite(duration).all():
             raise InputError(f"disturbances: a duration must be a finite number >= 0 s, got {duration}")
-        return (1.0 - min(float(self.probability.sum()), 1.0)) ** (np.asarray(duration, float) / PERIOD)
+        calm = 1.0 - min(float(self.probability.sum()), 1.0)
+        return np.power(calm, np.asarray(duration, float) / PERIOD)
 
     def any_within(self, duration: float | np.ndarray) -> np.ndarray:
         """Probability that at least one push happens within this time [s]."""

@@ -102,12 +102,14 @@ def _draw(
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.projections.polar import PolarAxes
 
     robot = checker.robot
     omega = frequency(base.com[2])
     support = support_polygon(base.stance, robot)
     allowance = angular_allowance(checker.options.kinodynamic.centroidal, robot.mass, omega)
     figure, axes = plt.subplots(figsize=(6.4, 6.4), subplot_kw={"projection": "polar"}, layout="constrained")
+    assert isinstance(axes, PolarAxes)
     kinds = (("tab:green", "o", "captured standing"), ("tab:orange", "s", "captured with one step"),
              ("0.6", "x", "not captured"))  # fmt: skip
     for kind, (colour, marker, label) in enumerate(kinds):

@@ -173,6 +173,24 @@ def test_none_is_accepted_beyond_the_pendulums_bound_and_most_well_inside_are(
     assert np.mean(well_inside) >= 0.9
 
 
+def test_torque_limits_bind_the_forces_where_they_must() -> None:
+    """Motors are weakened to a little less than the free answer asks for: another answer keeps to them, or none does."""
+    checker = CaptureChecker(ROBOT)
+    question = on_left([0.1, -0.5, 0.0], foot("right_foot", 0.08, -0.22))
+    free = checker.check(question).attempts[-1].estimate
+    for share in (0.95, 0.5, 0.1):
+        weak = CaptureChecker(ROBOT)
+        for program in (weak._program, weak._limited):
+            program.effort = share * free.torque_share * program.effort
+        answer = weak.check(question)
+        if answer.captured:
+            assert answer.attempts[-1].estimate.torque_share <= 1.0 + 1e-3
+        else:
+            assert answer.reason
+        assert answer.captured or share < 0.95
+        assert not (answer.captured and share == 0.1)
+
+
 def _captured(checker: CaptureChecker, motion: str) -> tuple[CaptureQuestion, CaptureAnswer]:
     for seed in range(40):
         question = random_question(np.random.default_rng((3, seed)), ROBOT, motion)

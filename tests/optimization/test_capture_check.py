@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optimization.capture import CaptureChecker
-from optimization.capture_check import Fault, dynamics_faults, motion_faults
+from optimization.capture_check import Fault, dynamics_faults, motion_faults, torque_fault
 from optimization.capture_question import CaptureQuestion
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
@@ -130,6 +130,22 @@ def test_a_robot_that_still_moves_at_the_end_is_found(case: Case) -> None:
     q = case.q.copy()
     q[-1, 4:7] += [0.02, 0.0, 0.0]
     assert any("left at the end" in fault.detail for fault in case.motion(q))
+
+
+def test_a_motor_that_is_too_weak_is_named(case: Case) -> None:
+    """The knee of the standing leg carries the body; half of what it needs is not enough."""
+    kinematics = case.checker.fit.kinematics
+    state = case.checker.fit.fit(
+        case.question.stance, case.question.com, case.question.linear_momentum, case.question.angular_momentum
+    )
+    strong = np.full(len(kinematics.joint_names), 1e4)
+    asked = kinematics, case.problem, case.trajectory, case.q, state.v
+    assert torque_fault(*asked, strong) is None
+    weak = strong.copy()
+    weak[kinematics.joint_names.index("left_knee")] = 5.0
+    fault = torque_fault(*asked, weak)
+    assert fault is not None
+    assert fault.block == "torque of left_knee"
 
 
 @pytest.mark.parametrize("spoil", [np.nan, np.inf])
