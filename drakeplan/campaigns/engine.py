@@ -107,7 +107,7 @@ def collect(
     shards = LabelFolder(Path(folder), identity(campaign, options.seed, options.tasks_per_shard), resume=resume)
     with shards.locked():
         run = _Run(campaign, shards, options, listener)
-        shards.add_session(session_facts())
+        run.note_code()
         run.work(workers)
         return make_card(campaign, shards, options.tasks)
 
@@ -123,6 +123,14 @@ class _Run:
         self.began, self.new_tasks, self.new_rows, self.cpu_time = time.monotonic(), 0, 0, 0.0
         self.open: dict[int, dict[int, Outcome]] = {}
         self.missing = self._take_stock()
+
+    def note_code(self) -> None:
+        """Adds the code that is running to those that made the data; says so where it is another than before."""
+        code, before = session_facts(), self.folder.sessions()
+        if before and before[-1] != code:
+            self._tell("the code has changed since the last session: its card will name both")
+        if not before or before[-1] != code:
+            self.folder.add_session(code)
 
     def work(self, workers: Workers) -> None:
         """Runs every task that is missing, a few ahead of the workers."""

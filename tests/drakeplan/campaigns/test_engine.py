@@ -105,6 +105,17 @@ def test_the_card_names_seeds_counts_hashes_and_code_and_no_times(tmp_path: Path
     assert {"drakeplan", "sources_sha256", "drake", "pyarrow"} <= code.keys()
 
 
+def test_data_made_by_two_versions_of_the_code_say_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[CampaignProgress] = []
+    for code in ("old", "old", "new"):
+        monkeypatch.setattr("drakeplan.campaigns.engine.session_facts", lambda code=code: {"drakeplan": code})
+        tasks = 4 if code == "old" else 8
+        options = CollectOptions(tasks, 7, 4)
+        card = collect(Toy(), tmp_path, options, HereWorkers(Toy()), resume=True, listener=told.append)
+        assert any("the code has changed" in p.message for p in told) == (code == "new")
+    assert card.code == ({"drakeplan": "old"}, {"drakeplan": "new"})
+
+
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
