@@ -6,6 +6,7 @@ Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (di
 from __future__ import annotations
 
 import math
+import re
 import time
 from dataclasses import dataclass, field, replace
 
@@ -209,7 +210,7 @@ class CaptureChecker:
         """The first thing that is wrong with an answer, None where it holds. The program's own verdict is not asked."""
         problem, dynamics, kinematics = whole_body.centroidal, estimate.centroidal, self.fit.kinematics
         if dynamics is None or dynamics.trajectory is None:
-            return Fault("dynamics", "have no solution: " + ("" if dynamics is None else dynamics.reason), 0.0)
+            return _unsolved("" if dynamics is None else dynamics.reason)
         options, trajectory = self.options.kinodynamic, dynamics.trajectory
         faults = dynamics_faults(problem, options.centroidal, trajectory)
         if faults:
@@ -221,6 +222,12 @@ class CaptureChecker:
         if faults:
             return faults[0]
         return torque_fault(kinematics, problem, trajectory, estimate.q, v_start, self._program.effort)
+
+
+def _unsolved(reason: str) -> Fault:
+    """The fault of dynamics without any trajectory; the reason names block and instant where they are known."""
+    instant = re.search(r"\(([0-9.]+) s\)", reason)
+    return Fault(reason or "the dynamics have no solution", "", float(instant[1]) if instant else 0.0)
 
 
 def state_fault(state: FittedState) -> str:

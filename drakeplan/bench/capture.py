@@ -96,7 +96,7 @@ def _reasons(asked: list[Asked]) -> str:
 def block_of(reason: str) -> str:
     """The constraint block that a reason names, joints and end effectors put together."""
     words = reason.split(": ")[1].split() if ": " in reason else [reason]
-    stops = ("exceeded", "comes", "of", "off", "at", "turned", "have", "left", "by", "is")
+    stops = ("exceeded", "comes", "cannot", "of", "off", "at", "turned", "have", "left", "by", "is")
     end = next((i for i, word in enumerate(words) if word in stops), len(words))
     return " ".join(words[:end])
 

@@ -44,7 +44,8 @@ def test_the_tables_count_every_question_once(
         ("swing of left_foot, 0.20 s: speed of right_knee at 1.10 of its limit", "speed"),
         ("after contact of left_foot, 0.20 s: CoM of motion and forces differ by 12 mm rms", "CoM"),
         ("start: CoM off by 0.3 m: no posture", "CoM"),
-        ("standing, 0.00 s: dynamics have no solution: friction", "dynamics"),
+        ("standing, 1.00 s: friction cone of left_foot cannot be met at knot 10 (1.00 s)", "friction cone"),
+        ("standing, 1.00 s: motion comes nowhere near the forces: contact of left_foot off by 9 mm", "motion"),
     ],
 )
 def test_reasons_are_counted_by_their_block(reason: str, block: str) -> None:

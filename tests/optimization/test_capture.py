@@ -85,6 +85,17 @@ def test_a_reason_names_phase_and_block(checker: CaptureChecker) -> None:
     assert ": reach" in answer.reason or ": contact" in answer.reason
 
 
+def test_ground_that_is_too_steep_to_rest_on_is_told_with_its_instant(checker: CaptureChecker) -> None:
+    """35 deg at friction 0.5: the foot holds nothing at the end, when the robot must be at rest."""
+    normal = np.array([np.sin(0.61), 0.0, np.cos(0.61)])
+    steep = Contact("left_foot", 0, contact_pose("left_foot", np.array([0.0, 0.1, 0.0]), normal, 0.0), 0.5)
+    answer = checker.check(CaptureQuestion(Stance((steep, None, None, None)), np.array([0.02, 0.1, 0.85]), np.zeros(3)))
+    assert not answer.captured
+    assert "friction cone of left_foot" in answer.reason
+    assert answer.reason.startswith("standing, ")
+    assert not answer.reason.startswith("standing, 0.00 s")
+
+
 def test_a_state_that_no_posture_has_is_told_before_anything_is_solved(checker: CaptureChecker) -> None:
     stance = Stance((foot("left_foot", 0.0, 0.1), None, None, None))
     answer = checker.check(CaptureQuestion(stance, np.array([0.0, 0.1, 1.6]), np.zeros(3)))
