@@ -100,7 +100,9 @@ class ClusterWorkers:
             table, cpu_time = done.result()
             return Outcome(task, table, "", cpu_time)
         if done.status != "error":
-            return Outcome(task, None, str(done.status))
+            raise InputError(
+                f"cluster {self._address}: the connection was lost (a task is {done.status}); --resume goes on"
+            )
         error = done.exception()
         if not isinstance(error, KilledWorker):
             return Outcome(task, None, failure_line(error))  # type: ignore[arg-type]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -98,21 +97,18 @@ class LabelFolder:
 
     def add_session(self, facts: dict[str, object]) -> None:
         """Notes which code goes on with the campaign."""
-        try:
-            with (self.path / SESSIONS_FILE).open("a") as file:
-                file.write(json.dumps(facts, sort_keys=True) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror or error})") from None
+        lines = [json.dumps(session, sort_keys=True) for session in [*self.sessions(), facts]]
+        write_whole(self.path / SESSIONS_FILE, ("\n".join(lines) + "\n").encode())
 
     def sessions(self) -> list[dict[str, object]]:
-        """What was noted; a line torn by a power cut is left out."""
-        path, found = self.path / SESSIONS_FILE, []
-        for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
-            with contextlib.suppress(ValueError):
-                found.append(json.loads(line))
-        return found
+        """What was noted, in order."""
+        path = self.path / SESSIONS_FILE
+        try:
+            return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        except FileNotFoundError:
+            return []
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: expected one JSON object a line ({error})") from None
 
     def _check(self, manifest: Path) -> None:
         theirs = read_identity(manifest)

@@ -22,6 +22,7 @@ from drakeplan.campaigns.campaign import Campaign, Task, limit_memory, run_task
 from scenes.input_error import InputError
 
 MEMORY = 6 << 30  # [bytes] of private memory that a worker may hold
+CANCELLED = "cancelled"
 _THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -89,15 +90,21 @@ class LocalWorkers:
 
     def submit(self, task: Task) -> None:
         """Puts a task in the queue."""
-        future = self._pool.schedule(timed_task, args=(self.campaign, task), timeout=self.task_timeout)
+        try:
+            future = self._pool.schedule(timed_task, args=(self.campaign, task), timeout=self.task_timeout)
+        except RuntimeError:
+            raise _cannot_work() from None
         future.add_done_callback(lambda done: self._ended.put(self._outcome(task, done)))
 
     def next_outcome(self, timeout: float) -> Outcome | None:
         """The next task that ended, None where none did within this time [s]."""
         try:
-            return self._ended.get(timeout=timeout)
+            outcome = self._ended.get(timeout=timeout)
         except queue.Empty:
-            return None
+            outcome = None
+        if (outcome is None and not self._pool.active) or (outcome is not None and outcome.failure == CANCELLED):
+            raise _cannot_work()  # the tasks are not to blame
+        return outcome
 
     def close(self) -> None:
         """Ends all workers at once, whatever they are doing."""
@@ -119,7 +126,7 @@ class LocalWorkers:
 
     def _outcome(self, task: Task, done: Future[tuple[pa.Table, float]]) -> Outcome:
         if done.cancelled():
-            return Outcome(task, None, "cancelled")
+            return Outcome(task, None, CANCELLED)
         error = done.exception()
         if error is None:
             table, cpu_time = done.result()
@@ -141,6 +148,13 @@ def timed_task(campaign: Campaign, task: Task) -> tuple[pa.Table, float]:
 def failure_line(error: BaseException) -> str:
     """An exception in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+
+
+def _cannot_work() -> InputError:
+    return InputError(
+        "workers cannot start, or not again: where a script collects, everything in it that runs must stand under "
+        "`if __name__ == '__main__':`"
+    )
 
 
 def _begin(memory: int) -> None:

@@ -84,6 +84,21 @@ def test_a_cluster_that_lost_all_workers_is_given_up(cluster, tmp_path: Path, mo
             collect(Toy(), tmp_path, CollectOptions(4, 7, 4), workers)
 
 
+def test_when_the_scheduler_goes_away_no_task_is_blamed(tmp_path: Path) -> None:
+    campaign = Toy(pause=0.2)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        workers = ClusterWorkers(campaign, cluster.scheduler_address)
+        timer = threading.Timer(0.5, cluster.close)
+        timer.start()
+        with pytest.raises(InputError, match="--resume goes on"):
+            collect(campaign, tmp_path, CollectOptions(4000, 7, 4000), workers)
+        timer.join()
+        workers.close()
+    assert not shard_paths(tmp_path)
+
+
 def test_workers_with_several_threads_are_refused() -> None:
     with (
         distributed.LocalCluster(

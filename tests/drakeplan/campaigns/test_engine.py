@@ -333,6 +333,13 @@ def test_where_no_task_succeeds_the_campaign_is_given_up(tmp_path: Path) -> None
     assert not shard_paths(tmp_path) or len(shard_paths(tmp_path)) <= 2
 
 
+def test_a_script_that_workers_cannot_load_is_told_so_and_no_task_is_blamed(tmp_path: Path) -> None:
+    code = f"import sys; sys.path.insert(0, {str(TOY.parent)!r}); import toy_campaign as t; t.main({str(tmp_path / 'x')!r}, 9, 0.0)"
+    done = subprocess.run([sys.executable, "-"], input=code, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stderr.splitlines()[-1].startswith("scenes.input_error.InputError: workers cannot start")
+    assert not shard_paths(tmp_path / "x")
+
+
 def test_progress_counts_to_the_end_and_estimates_what_remains(tmp_path: Path) -> None:
     told: list[CampaignProgress] = []
     card = collect(Toy(), tmp_path, CollectOptions(10, 7, 4), HereWorkers(Toy()), listener=told.append)
