@@ -31,6 +31,7 @@ from scenes.effector import EFFECTORS
 
 INTERVAL_BLOCKS = {"friction cone", "force limit", "pressure centre", "angular momentum rate limit"}  # others: knots
 TOGETHER = 4  # levers that may be moved at once where no single one is enough
+NO_MORE = 1.02  # times another's size: as small a change
 TOLD = 3  # remedies in the one-line text
 PHASES = 3  # whose levers are tried
 DIRECT = {
@@ -208,7 +209,7 @@ def unblock(
 def _single(question: Question, blockages: list[Blockage], trials: _Trials) -> list[Remedy]:
     """The least change of each number that is enough by itself, those that the blocks are about first."""
     direct = {DIRECT.get(blockage.block) for blockage in blockages}
-    remedies: list[Remedy] = []
+    found: list[tuple[Lever, Remedy]] = []
     vain: list[Lever] = []
     for lever in sorted(_levers(question, blockages), key=lambda lever: lever.kind not in direct):
         if any(lever.part_of(other) for other in vain):
@@ -219,8 +220,13 @@ def _single(question: Question, blockages: list[Blockage], trials: _Trials) -> l
         if remedy is None:
             vain.append(lever)
         else:
-            remedies.append(remedy)
-    return remedies
+            found.append((lever, remedy))
+    return [remedy for lever, remedy in found if not any(_says_more(one, lever, remedy) for one in found)]
+
+
+def _says_more(one: tuple[Lever, Remedy], lever: Lever, remedy: Remedy) -> bool:
+    """Whether as little a change to fewer members does the same."""
+    return one[0].part_of(lever) and one[1].size <= NO_MORE * remedy.size
 
 
 def find_blockages(program: CentroidalProgram, estimate: CentroidalEstimate) -> list[Blockage]:

@@ -158,6 +158,9 @@ def test_the_steep_stone_in_a_walk_is_named_and_its_friction_is_enough():
     mu = needed(report, "friction of left_foot (contact 2)")
     assert 0.12 < mu <= np.tan(STEEP) + 2 * GRID  # less where the CoM may be slowed down in that phase
 
+    others = [c for r in report.remedies for c in r.changes if c.kind == "friction" and "contact 2)" in c.what]
+    assert all(c.needed < mu for c in others if " and " in c.what)  # more contacts only where less is asked of each
+
     def stands(friction):
         contacts = tuple(replace(c, friction=friction) if c == steep else c for c in schedule.contacts)
         return CentroidalProgram(replace(data, schedule=replace(schedule, contacts=contacts))).solve().feasible
