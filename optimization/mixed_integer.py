@@ -26,6 +26,7 @@ from optimization.contact_query import (
 )
 from optimization.foothold_regions import FootholdRegion, foothold_regions
 from optimization.friction import cone_index, frame_stands_alone
+from optimization.mixed_integer_data import MixedIntegerData
 from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress, solve_mixed_integer
 from scenes.effector import EFFECTORS
 from scenes.stance import Stance
@@ -310,6 +311,8 @@ class FootstepProgram:
         settings: MixedIntegerSettings | None = None,
         on_incumbent: Callable[[Progress, tuple[Stance, ...]], None] | None = None,
         stop: Callable[[], bool] | None = None,
+        *,
+        data: MixedIntegerData | None = None,
     ) -> ContactEstimate:
         """The contact sequence, or why there is none.
 
@@ -317,6 +320,7 @@ class FootstepProgram:
             settings: solver and limits.
             on_incumbent: called with every better sequence while the solver runs.
             stop: polled; True ends the solve as its time limit does.
+            data: the program's numbers, where the caller has them and adds something to them.
         """
         if self.reason:
             return ContactEstimate(False, (), np.inf, False, self.reason, None)
@@ -325,7 +329,7 @@ class FootstepProgram:
             if x is not None and on_incumbent is not None:
                 on_incumbent(progress, self.stances(x))
 
-        record = solve_mixed_integer(self.prog, settings, on_progress=tell, stop=stop)
+        record = solve_mixed_integer(data or self.prog, settings, on_progress=tell, stop=stop)
         limited = record.status == "time limit"
         if record.x is None:
             return ContactEstimate(False, (), np.inf, limited, record.message, record)

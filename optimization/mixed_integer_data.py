@@ -57,6 +57,7 @@ class MixedIntegerData:
         linear: (n,) cost, with the constant.
         quadratics: convex quadratic costs.
         cones: second-order cones.
+        easier: a program on the first of these variables with all of the binaries, whose answer is tried first.
     """
 
     lower: np.ndarray
@@ -70,6 +71,7 @@ class MixedIntegerData:
     constant: float
     quadratics: tuple[QuadraticTerm, ...]
     cones: tuple[ConeTerm, ...]
+    easier: MixedIntegerData | None = None
 
     @property
     def size(self) -> int:

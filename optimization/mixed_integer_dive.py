@@ -2,7 +2,8 @@
 
 Big-M relaxations say little, but a conic interior point solves them in a fraction of a second, and contacts chosen one
 after the other in the light of those already fixed are usually feasible. SCIP starts from the answer: on programs with
-momentum dynamics its own linear relaxations take a minute before the first one.
+momentum dynamics its own linear relaxations take a minute before the first one. Where the program has an easier one
+(the contacts without their dynamics), the binaries of that one's dive are tried first.
 """
 
 # pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
@@ -32,6 +33,13 @@ def dive(data: MixedIntegerData, time_limit: float, accept: float = 1e-6) -> np.
     from pydrake.solvers import ClarabelSolver, CommonSolverOption, SolverOptions
 
     began = time.perf_counter()
+    if data.easier is not None:
+        guess = dive(data.easier, 0.5 * time_limit, accept)
+        if guess is not None:
+            padded = np.concatenate([guess, np.zeros(data.size - data.easier.size)])
+            answer = _exact(data, padded, accept)
+            if answer is not None:
+                return answer
     prog, x = build_program(replace(data, binary=np.zeros(data.size, bool)))
     bounds = prog.bounding_box_constraints()[0].evaluator()
     solver, options = ClarabelSolver(), SolverOptions()

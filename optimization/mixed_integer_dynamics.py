@@ -13,7 +13,7 @@ Units in the program: m, s, force / (M g), moment / (M g m).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from optimization.contact_choice import Place, given_place
 from optimization.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.friction import cone_rows
 from optimization.mixed_integer import FootstepProgram
+from optimization.mixed_integer_data import MixedIntegerData, read_program
 from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
 from scenes.input_error import InputError
 from scenes.stance import Stance
@@ -129,6 +130,7 @@ class ContactDynamicsProgram:
         self.query, self.dynamics = query, dynamics or ContactDynamicsOptions()
         self.steps = FootstepProgram(query, options, standing=False)
         self.prog = self.steps.prog
+        self._without_dynamics = read_program(self.prog)  # before they are added: its variables come first
         self.reason = self.steps.reason
         self._forces: list[list[tuple[Place, np.ndarray]]] = []
         if self.reason:
@@ -293,7 +295,11 @@ class ContactDynamicsProgram:
         stop: Callable[[], bool] | None = None,
     ) -> ContactEstimate:
         """The contact sequence, as `FootstepProgram.solve`."""
-        return self.steps.solve(settings, on_incumbent, stop)
+        return self.steps.solve(settings, on_incumbent, stop, data=self.data())
+
+    def data(self) -> MixedIntegerData:
+        """The program's numbers, with those of the contacts alone as the easier program to try first."""
+        return replace(read_program(self.prog), easier=self._without_dynamics)
 
     def momentum(self, x: np.ndarray) -> MomentumAnswer:
         """The momentum trajectory of an answer x (n,)."""

@@ -9,6 +9,7 @@ from optimization import scip_adapter
 from optimization.contact_query import ContactQuery, FootstepOptions
 from optimization.friction import SQUARE, excess
 from optimization.mixed_integer import FootstepProgram
+from optimization.mixed_integer_dive import dive
 from optimization.mixed_integer_dynamics import (
     GRAVITY,
     PRODUCTS,
@@ -53,7 +54,7 @@ def flat(y: float = 1.0) -> Surface:
 def walk():
     q = query(Terrain((flat(),)), Goal((0.4, 0.0, 0.0), 0.2))
     program = ContactDynamicsProgram(q, FootstepOptions(4), COARSE)
-    return program, solve_mixed_integer(program.prog, FIRST)
+    return program, solve_mixed_integer(program.data(), FIRST)
 
 
 def test_the_momentum_follows_from_the_forces(walk) -> None:
@@ -106,6 +107,17 @@ def test_products_at_their_bounds_are_the_cross_product() -> None:
         np.testing.assert_allclose(cross, np.cross(arm, f))
 
 
+def test_the_contacts_alone_are_tried_first_and_their_variables_come_first() -> None:
+    q = query(Terrain((flat(),)), Goal((0.4, 0.0, 0.0), 0.2))
+    data = ContactDynamicsProgram(q, FootstepOptions(4), COARSE).data()
+    assert data.easier is not None
+    np.testing.assert_array_equal(data.binary[: data.easier.size], data.easier.binary)
+    assert data.binary.sum() == data.easier.binary.sum()
+    x = dive(data, 30.0)
+    assert x is not None and data.worst(x)[0] < ATOL
+    assert data.easier.worst(x[: data.easier.size])[0] < ATOL
+
+
 def test_dynamics_never_make_the_contacts_cheaper() -> None:
     q = query(Terrain((flat(),)), Goal((0.4, 0.0, 0.0), 0.2))
     settings = MixedIntegerSettings(SOLVER, time_limit=60.0, gap=1e-3)
@@ -148,7 +160,7 @@ def test_the_rubble_field_has_contacts_with_momentum() -> None:
     scene = load_scene("rubble_field", seed=0)
     q = query(scene.terrain, scene.goal)
     program = ContactDynamicsProgram(q, FootstepOptions(14), COARSE)
-    record = solve_mixed_integer(program.prog, FIRST)
+    record = solve_mixed_integer(program.data(), FIRST)
     assert record.x is not None, record.message
     m = program.momentum(record.x)
     assert np.abs(m.moment).max() <= COARSE.moment + ATOL
