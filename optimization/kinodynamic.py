@@ -178,7 +178,7 @@ class KinodynamicProgram:
         for _ in range(options.iterations):
             following = self._dynamics(problem, motion, estimate)
             if following.trajectory is None or (not following.feasible and motion is None):
-                return self._answer(problem, following, motion, gaps, f"dynamics: {following.reason}")
+                return self._answer(problem, targets, following, motion, gaps, f"dynamics: {following.reason}")
             estimate = following
             trajectory = estimate.trajectory
             assert trajectory is not None
@@ -194,7 +194,7 @@ class KinodynamicProgram:
                     break
             if reason and self._hopeless(gaps):
                 break
-        return self._answer(problem, estimate, motion, gaps, reason)
+        return self._answer(problem, targets, estimate, motion, gaps, reason)
 
     def _hopeless(self, gaps: list[MomentumGap]) -> bool:
         """Whether the last gap is beyond what `give_up` allows after so many iterations."""
@@ -313,6 +313,7 @@ class KinodynamicProgram:
     def _answer(
         self,
         problem: KinodynamicProblem,
+        targets: TrackingTargets,
         estimate: CentroidalEstimate | None,
         motion: TrackedMotion | None,
         gaps: list[MomentumGap],
@@ -322,7 +323,7 @@ class KinodynamicProgram:
         if motion is None or estimate is None or estimate.trajectory is None:
             nothing = np.zeros((0, 1 + self.kinematics.num_velocities))
             return KinodynamicEstimate(False, reason, tuple(gaps), estimate, nothing, np.zeros((0, 6)))
-        held = self._held_error(self._targets(problem), motion)
+        held = self._held_error(targets, motion)
         v = self._velocities(problem, motion.q)
         speed = float((np.abs(v[1:, 6:]) / self.kinematics.tree.speed).max())
         rows = TorqueRows(self.kinematics, problem.centroidal, self.effort, motion.q, v)

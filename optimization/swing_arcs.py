@@ -50,6 +50,6 @@ def _on_arc(X_WA: np.ndarray, X_WB: np.ndarray, share: float) -> np.ndarray:
     up = X_WA[:3, 2] + X_WB[:3, 2]
     X[:3, 3] = X_WA[:3, 3] + s * (X_WB[:3, 3] - X_WA[:3, 3])
     X[:3, 3] += 16.0 * (share * (1.0 - share)) ** 2 * LIFT * up / max(float(np.linalg.norm(up)), 1e-9)
-    turn = (Rotation.from_matrix(X_WB[:3, :3]) * Rotation.from_matrix(X_WA[:3, :3]).inv()).as_rotvec()
+    turn = Rotation.from_matrix(X_WB[:3, :3] @ X_WA[:3, :3].T).as_rotvec()
     X[:3, :3] = Rotation.from_rotvec(s * turn).as_matrix() @ X_WA[:3, :3]
     return X
