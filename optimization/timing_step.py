@@ -22,7 +22,7 @@ from optimization.centroidal_cost import cost_terms
 from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, LEAST_PRESSURE_LOAD, UP
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_wrench import pressure_residuals
-from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings
+from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings, worst_violation
 
 # integrated variables, their rate and its factor
 INTEGRATIONS = {
@@ -30,6 +30,8 @@ INTEGRATIONS = {
     "com integration": ("com", "v", 1.0),
     "angular momentum integration": ("k", "kdot", 1.0),
 }
+ACCURACIES = (1e-10, 1e-8, 1e-6)  # asked of the multipliers, the next where the last is not reached
+ACCEPT = 1e-6  # violation at which their program counts as solved
 RELATIVE_STEP = 1e-6  # of the difference quotients of weights and targets, which are linear or reciprocal in dt
 
 
@@ -168,18 +170,21 @@ class TimingStep:
         return np.clip(x[prog.FindDecisionVariableIndices(self.change)], least, most), record
 
     def gradient(self) -> np.ndarray:
-        """(G,) derivative of the optimal cost by each duration [cost/s]: multipliers of D = 0.
+        """(G,) derivative of the optimal cost by each duration [cost/s]: multipliers of D = 0; NaN where none are found.
 
         Exact where the trajectory is the optimum of the fixed-time program, whose linearisation is exact there.
         """
         prog = self.prog.Clone()
         held = prog.AddLinearEqualityConstraint(np.eye(len(self.change)), np.zeros(len(self.change)), self.change)
-        options = SolverOptions()
-        options.SetOption(CommonSolverOption.kMaxThreads, 1)
-        for name in ("tol_feas", "tol_gap_rel", "tol_gap_abs"):
-            options.SetOption(ClarabelSolver.id(), name, 1e-10)
-        result = ClarabelSolver().Solve(prog, None, options)  # PIQP's adapter and `solvers` give no multipliers
-        return np.asarray(result.GetDualSolution(held)) / COST_SCALE
+        for accuracy in ACCURACIES:
+            options = SolverOptions()
+            options.SetOption(CommonSolverOption.kMaxThreads, 1)
+            for name in ("tol_feas", "tol_gap_rel", "tol_gap_abs"):
+                options.SetOption(ClarabelSolver.id(), name, accuracy)
+            result = ClarabelSolver().Solve(prog, None, options)  # PIQP's adapter and `solvers` give no multipliers
+            if result.is_success() and worst_violation(prog, result.get_x_val())[0] < ACCEPT:
+                return np.asarray(result.GetDualSolution(held)) / COST_SCALE
+        return np.full(len(self.change), np.nan)
 
 
 def interval_of_variables(program: CentroidalProgram) -> np.ndarray:
