@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from drakeplan.phases import Schedule
 from optimization.centroidal import CentroidalProgram
@@ -47,6 +47,27 @@ def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
     same = before * after > 0.0
     slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
     return CubicHermiteSpline(key_t, key_x, slope)(t)
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """Where the CoM has to be when, for sequences that no quasi-static walk can follow.
+
+    Attributes:
+        t: (N,) [s].
+        com: (N, 3) [m].
+    """
+
+    t: np.ndarray
+    com: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """(n, 3) CoM at these times [m]."""
+        return CubicSpline(self.t, self.com)(np.clip(t, self.t[0], self.t[-1]))
+
+    def through(self, key_t: np.ndarray, key_com: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """(N, 3) the guide bent to where the CoM of key postures (n, 3) is at key_t (n,) [m]."""
+        return self.at(t) + through(key_t, key_com - self.at(key_t), t)
 
 
 class SequenceDynamics:

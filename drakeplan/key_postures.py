@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
+from drakeplan.dynamics import Guide
 from drakeplan.encounters import KEEP, Encounters, ProximityMonitor
 from drakeplan.phases import MOVE, Schedule
 from drakeplan.swing import SwingCurve
@@ -38,6 +39,8 @@ SPREAD = 0.06  # [m] distance that arms which hang free keep from everything els
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
 HALFWAY = 0.45  # share of a swing at which its middle posture is taken
 FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
+GUIDED = 0.05  # [m] that the CoM may be off a guide, per axis
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
 ROUNDS = 4  # of moving bodies apart
 
@@ -120,17 +123,24 @@ def solve_key_postures(
     monitor: ProximityMonitor,
     *,
     spread: float = SPREAD,
+    guide: Guide | None = None,
 ) -> KeyPostures:
     """Solves all of them together, moves bodies apart that come too near each other or the terrain, retries what fails.
 
-    `spread` is the distance [m] that arms which hang free keep from everything.
+    `spread` is the distance [m] that arms which hang free keep from everything. A `guide` says where the CoM must be,
+    whether or not it could rest there.
 
     The first try wants the CoM well inside what the contacts balance. Where the legs do not reach that, the planner's
     own inverse kinematics says how far the CoM can come, and the posture is made from there.
     """
     placed, support = _boundary_contacts(schedule)
-    polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
+    if guide is None:
+        polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
+    else:
+        polygons = tuple(com[:2] + GUIDED * SQUARE for com in guide.at(schedule.boundaries))
     targets = _targets(robot, ik.kinematics, schedule, placed, polygons)
+    if guide is not None:
+        targets = replace(targets, com=guide.at(schedule.boundaries))
     q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
@@ -171,6 +181,7 @@ def solve_course(
     monitor: ProximityMonitor,
     *,
     spread: float = SPREAD,
+    guide: Guide | None = None,
 ) -> Course:
     """The key postures, and one more in the middle of each swing from contact to contact.
 
@@ -187,6 +198,8 @@ def solve_course(
         phase = schedule.phases[2 * k + 1]
         t[i] = phase.start + HALFWAY * (phase.end - phase.start)
         com[i] = keys.com[2 * k + 1] + HALFWAY * (keys.com[2 * k + 2] - keys.com[2 * k + 1])
+        if guide is not None:
+            com[i] = guide.through(schedule.boundaries, keys.com, t[i : i + 1])[0]
         for e, c in enumerate(phase.contacts):
             if c >= 0:
                 X_WE[i, e], place[i, e] = schedule.contacts[c].X_WC, HOLD

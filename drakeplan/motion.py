@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drakeplan.dynamics import SequenceDynamics
+from drakeplan.dynamics import Guide, SequenceDynamics
 from drakeplan.encounters import ProximityMonitor
 from drakeplan.free_timing import effort, free_durations
 from drakeplan.key_postures import BalanceRegions, solve_key_postures
@@ -165,17 +165,22 @@ class MotionMaker:
         self.regions = BalanceRegions(robot, options.cone)
         self.effort = effort_limits(self.robot_plant.plant)
 
-    def run(self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None]) -> MotionResult:
-        """Tries the usual timing, then longer phases where joints were too fast or the dynamics infeasible."""
+    def run(
+        self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None], guide: Guide | None = None
+    ) -> MotionResult:
+        """Tries the usual timing, then longer phases where joints were too fast or the dynamics infeasible.
+
+        With a `guide`, for the usual timing, the CoM follows it instead of resting places, and the timing stays.
+        """
         num = len(stances) - 1
         shift, swing = np.full(num, self.options.shift), np.full(num, self.options.swing)
         timings = {"dynamics_s": 0.0, "motion_s": 0.0}
         results: list[MotionResult] = []
         for _ in range(self.options.attempts):
             schedule = make_schedule(stances, shift=shift, swing=swing, rest=self.options.rest)
-            result = self._attempt(schedule, timings, tell)
+            result = self._attempt(schedule, timings, tell, guide)
             results.append(result)
-            longer = None if result.ok else self._longer(schedule, result, shift, swing)
+            longer = None if result.ok or guide is not None else self._longer(schedule, result, shift, swing)
             if longer is None:
                 break
             shift, swing = longer
@@ -203,10 +208,14 @@ class MotionMaker:
                 return result
         return fixed
 
-    def _attempt(self, schedule: Schedule, timings: dict[str, float], tell: Progress) -> MotionResult:
+    def _attempt(
+        self, schedule: Schedule, timings: dict[str, float], tell: Progress, guide: Guide | None = None
+    ) -> MotionResult:
         began = time.perf_counter()
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
-        keys = solve_key_postures(self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor)
+        keys = solve_key_postures(
+            self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor, guide=guide
+        )
         last = max(len(schedule.stances) - 2, 0)
         failed = sorted({min(max(b - 1, 0) // 2, last) for b in keys.failures()})
         if failed:
@@ -214,7 +223,7 @@ class MotionMaker:
             reason = "no posture for " + ", ".join(f"transition {k}" for k in failed)
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
         dynamics = SequenceDynamics(self.robot, schedule, self.options.cone, self.options.dt)
-        frames = MotionFrames(self.setting, schedule, keys, dynamics)
+        frames = MotionFrames(self.setting, schedule, keys, dynamics, guide)
         reason = frames.solve_dynamics(schedule.times(self.options.dt))
         timings["dynamics_s"] += time.perf_counter() - began
         if reason:

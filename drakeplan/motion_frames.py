@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drakeplan.dynamics import BOX, SequenceDynamics, through
+from drakeplan.dynamics import BOX, Guide, SequenceDynamics, through
 from drakeplan.encounters import Encounters, ProximityMonitor
 from drakeplan.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
 from drakeplan.motion_check import Problem, find_problems
@@ -90,13 +90,16 @@ class MotionFrames:
 
     trajectory: CentroidalTrajectory
 
-    def __init__(self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics) -> None:
+    def __init__(
+        self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics, guide: Guide | None = None
+    ) -> None:  # fmt: skip
+        """A `guide` is what the CoM follows from key posture to key posture; without, it takes the shortest way."""
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)
         self.dynamics_s = 0.0
         self.gaps: tuple[MomentumGap, ...] = ()
-        self._dynamics = dynamics
+        self._dynamics, self._guide = dynamics, guide
         self._held = schedule.contact_at(self.t) >= 0
         self._room = contact_room(schedule, self.t)
         self._detours: dict[int, Detour] = {}
@@ -117,7 +120,8 @@ class MotionFrames:
 
     def _solve(self, spin: np.ndarray, box: np.ndarray | None) -> str:
         began = time.perf_counter()
-        reference = through(self._course.t, self._course.com, self._knots)
+        follow = through if self._guide is None else self._guide.through
+        reference = follow(self._course.t, self._course.com, self._knots)
         trajectory, reason = self._dynamics.solve(reference, spin, box)
         self.dynamics_s += time.perf_counter() - began
         if trajectory is not None:
@@ -170,7 +174,9 @@ class MotionFrames:
     def _plan_course(self) -> None:
         setting = self.setting
         self._swings = plan_swings(setting.robot, setting.packed, self.schedule, self._detours, setting.clearance)
-        self._course = solve_course(setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor)
+        self._course = solve_course(
+            setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor, guide=self._guide
+        )
 
     def _retarget(self) -> None:
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.dynamics import Guide
 from drakeplan.mixed_integer_planner import MixedIntegerPlanner
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
 from drakeplan.plan import Plan, tabulate_stances
@@ -31,6 +32,7 @@ from optimization.friction import DEFAULT_CONE
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.robot import Robot
 from scenes.scene import Scene
+from scenes.stance import Stance
 from scenes.transition_model import transition_model
 
 Status = Literal["complete", "contacts", "none"]
@@ -138,10 +140,15 @@ class _Query:
         self.scene, self.robot, self.options = scene, robot, options
         self.planner, self.record, self.tell = planner, record, tell
         self.clock = SearchClock()
+        self._guides: dict[tuple[Stance, ...], Guide] = {}  # CoM of sequences that are known to hold together
         self._fell_apart = ""  # why the last contact sequence is dynamically infeasible as a whole
         timing = options.timing
         wanted = MotionOptions(
-            cone=options.cone, dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing, free=timing.free
+            cone=options.cone,
+            dt=timing.step or MotionOptions.dt,
+            shift=timing.shift,
+            swing=timing.swing,
+            free=timing.free,
         )
         self.motion = MotionMaker(robot, scene.terrain, wanted, ik=ik)
 
@@ -216,6 +223,8 @@ class _Query:
         if estimate.feasible and self.record.time_to_first_feasible_s is None:
             self.record.time_to_first_feasible_s = plan.elapsed + self.record.dynamics_s
         self._fell_apart = "" if estimate.feasible else estimate.reason
+        if estimate.feasible and estimate.trajectory is not None:
+            self._guides[plan.stances] = Guide(estimate.trajectory.t, estimate.trajectory.com)
         self.clock.resume()
         return estimate.feasible
 
@@ -232,6 +241,9 @@ class _Query:
     def _move(self, best: ContactPlan) -> MotionResult:
         self.tell(ProgressEvent("dynamics", f"{len(best.stances)} stances", best.cost, best.bound))
         motion = self.motion.run(best.stances, self.tell)
+        if not motion.ok and best.stances in self._guides:  # where nobody could stand still on the way, speed may do
+            guided = self.motion.run(best.stances, self.tell, self._guides[best.stances])
+            motion = min(guided, motion, key=lambda m: (not m.ok, m.centroidal is None, len(m.problems)))
         self.record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
         self.record.motion_s += motion.timings.get("motion_s", 0.0)
         if motion.centroidal is not None and self.record.time_to_first_feasible_s is None:

@@ -18,15 +18,16 @@ NEAR_EDGE = 0.5  # [m]
 RUN_OUT = 3.0  # [m] level ground below
 
 
-def named(seed: int = 0, tilt: float = TILT) -> Scene:
+def named(seed: int = 0, tilt: float = TILT, length: float = LENGTH) -> Scene:
     """Down a 3 m slope of 30 deg, steeper than friction 0.5 holds (Lin 2020 sec. 6.7.2; no draws).
 
     Args:
         seed: unused, nothing is drawn.
         tilt: of the slope [rad].
+        length: along it [m].
     """
     side = (-HALF_WIDTH, HALF_WIDTH)
-    foot, depth = NEAR_EDGE + LENGTH * math.cos(tilt), -LENGTH * math.sin(tilt)
+    foot, depth = NEAR_EDGE + length * math.cos(tilt), -length * math.sin(tilt)
     corners = [
         [NEAR_EDGE, side[0], 0.0],
         [foot, side[0], depth],
