@@ -19,11 +19,20 @@ from typing import Literal
 import numpy as np
 
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
-from drakeplan.plan import COMPLETE, Plan
+from drakeplan.plan import Plan
 from drakeplan.plan_assembly import assemble_plan
 from drakeplan.plan_file import read_plan, write_plan
 from drakeplan.progress import ProgressEvent
-from drakeplan.strip_setup import Sampling, choose_region, contact_choices, make_problem, planned_contacts, stands_alone
+from drakeplan.strip_setup import (
+    Sampling,
+    choose_region,
+    complete_parts,
+    contact_choices,
+    make_problem,
+    planned_contacts,
+    stands_alone,
+    warm_up,
+)
 from drakeplan.verifier import Report, verify
 from optimization.elastic_problem import CONTACT, StripEstimate, StripOptions
 from optimization.elastic_strip import ElasticStrip
@@ -117,8 +126,7 @@ def deform(
     """
     options = options or DeformOptions()
     plan = plan if isinstance(plan, Plan) else read_plan(plan)
-    if plan.status != COMPLETE:
-        raise InputError(f"deform: expected a complete plan, the one of {plan.scene_name!r} has no motion")
+    complete_parts(plan)
     robot = robot or load_robot(plan.robot)
     if robot.model_sha256 != plan.robot_model_sha256:
         raise InputError(f"deform: the plan was made with another model of robot {plan.robot!r} than {robot.model}")
@@ -146,12 +154,13 @@ class _Deformation:
         self.plan, self.scene, self.robot, self.options = plan, scene, robot, options
         self.tell = options.progress or (lambda _: None)
         self.ik = WholeBodyIK(robot)
+        warm_up(robot, self.ik)
         self.packed: PackedTerrain = pack_terrain(scene.terrain)
         self.strip_options = replace(options.strip, cone=plan.friction_cone)
         self.sampling = Sampling(options.per_phase, options.furthest, options.strip.turn)
         self.planned = planned_contacts(plan)
         self.penalty: list[dict[int, float]] = [{} for _ in self.planned]
-        self.report = dict.fromkeys(
+        self.report: dict[str, float] = dict.fromkeys(
             ("deform_s", "regions_s", "strip_s", "dynamics_s", "motion_s", "verification_s", "iterations",
              "configurations", "repairs", "moved_mean", "moved_most"), 0.0)  # fmt: skip
         self._maker: MotionMaker | None = None

@@ -42,7 +42,8 @@ def assemble_plan(
     phases = centroidal = whole_body = None
     if motion is not None and motion.centroidal is not None:
         schedule, c = motion.schedule, motion.centroidal
-        phases = PlanPhases(schedule.boundaries[:-1], schedule.boundaries[1:], [p.contacts for p in schedule.phases])
+        carried = np.array([p.contacts for p in schedule.phases])
+        phases = PlanPhases(schedule.boundaries[:-1], schedule.boundaries[1:], carried)
         centroidal = PlanCentroidal(
             c.t, c.com, c.linear_momentum, c.angular_momentum, c.contact, c.force_W, c.cop_C, c.torque_n
         )

@@ -7,16 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drakeplan.plan import Plan
+from drakeplan.plan import Plan, PlanMotion, PlanPhases
+from optimization.elastic_balance import BalancePolygons
 from optimization.elastic_check import contact_heading
 from optimization.elastic_problem import Gathering, StripProblem
+from optimization.elastic_rows import linearise, make_strip_rows
 from optimization.friction import cone_index, frame_stands_alone
+from optimization.static_equilibrium import polygon_margin
+from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose, contact_rotation
 from scenes.contact_regions import ContactRegions, cover_terrain
 from scenes.effector import is_foot
-from scenes.packed_terrain import PackedTerrain, near
+from scenes.input_error import InputError
+from scenes.packed_terrain import PackedTerrain, near, pack_terrain
 from scenes.robot import Robot
 from scenes.scene import Scene
+from scenes.surface import Surface
+from scenes.terrain import terrain_from
 
 START_RADIUS = 0.14  # [m] that the mean of the feet may be from the start: the verifier allows 15 cm
 GOAL_SLACK = 0.005  # [m] of the goal's radius left unused
@@ -38,6 +45,32 @@ class Sampling:
     turn: float
 
 
+def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
+    """Loads the compiled kernels, so that no deadline pays for it."""
+    plate = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
+    ceiling = plate[::-1] + np.array([0.1, 0.0, 0.05])
+    packed = pack_terrain(terrain_from([Surface("plate", plate), Surface("ceiling", ceiling)]))
+    cover_terrain(packed, robot.effectors[0], heading=0.0)
+    model, q = ik.model, np.array(robot.q_nominal)[None]
+    rows = make_strip_rows(1, 4, q.shape[1] - 1)
+    none = np.zeros(len(model.capsules.link), np.int64)
+    linearise(model.tree, model.capsules, packed, none, q, np.ones((1, 4), bool), 0.0, 0.0, rows)
+    sole = Contact("left_foot", 0, np.eye(4), 0.5)
+    polygon = BalancePolygons(robot, [sole], "inner")(np.array([0, -1, -1, -1]))
+    polygon_margin(polygon, len(polygon), 0.0, 0.0)
+
+
+def complete_parts(plan: Plan) -> tuple[PlanPhases, PlanMotion]:
+    """Phases and motion of a complete plan.
+
+    Raises:
+        InputError: the plan has none.
+    """
+    if plan.phases is None or plan.motion is None:
+        raise InputError(f"deform: expected a complete plan, the one of {plan.scene_name!r} has no motion")
+    return plan.phases, plan.motion
+
+
 def planned_contacts(plan: Plan) -> tuple[Contact, ...]:
     """The plan's contacts with the headings that their frames were made from."""
     contacts = []
@@ -51,7 +84,7 @@ def planned_contacts(plan: Plan) -> tuple[Contact, ...]:
 def stands_alone(plan: Plan) -> np.ndarray:
     """(C,) bool, which contacts carry the robot alone in some phase."""
     alone = np.zeros(len(plan.contacts), dtype=bool)
-    for row in plan.phases.contact:
+    for row in complete_parts(plan)[0].contact:
         held = row[row >= 0]
         if len(held) == 1:
             alone[held[0]] = True
@@ -106,8 +139,9 @@ def make_problem(
     chosen: Sequence[tuple[Contact, ContactRegions]], sampling: Sampling,
 ) -> StripProblem:  # fmt: skip
     """The strip of a complete plan whose contacts go where `chosen` says."""
-    frames, phase, share, boundary = _samples(plan, sampling.per_phase)
-    table = plan.phases.contact
+    phases, motion = complete_parts(plan)
+    frames, phase, share, boundary = _samples(phases, motion.t, sampling.per_phase)
+    table = phases.contact
     held, support = table[phase].copy(), table[phase].copy()
     for n in np.flatnonzero(boundary):
         p = phase[n]
@@ -124,8 +158,8 @@ def make_problem(
         if p + 1 < len(table):
             swing[n, free, 1] = table[p + 1, free]
     return StripProblem(
-        t=plan.motion.t[frames],
-        q=plan.motion.q[frames],
+        t=motion.t[frames],
+        q=motion.q[frames],
         phase=phase,
         contacts=tuple(contact for contact, _ in chosen),
         planned=planned,
@@ -138,10 +172,14 @@ def make_problem(
     )
 
 
-def _samples(plan: Plan, per_phase: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _samples(
+    phases: PlanPhases, t: np.ndarray, per_phase: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Frames of the motion, their phases, how far along those they are, and which are boundaries of phases."""
-    t, frames, phase, share = plan.motion.t, [], [], []
-    for p, (start, end) in enumerate(zip(plan.phases.start, plan.phases.end, strict=True)):
+    frames: list[int] = []
+    phase: list[int] = []
+    share: list[float] = []
+    for p, (start, end) in enumerate(zip(phases.start, phases.end, strict=True)):
         for i in range(per_phase):
             frame = int(np.argmin(np.abs(t - (start + (end - start) * i / per_phase))))
             if not frames or frame > frames[-1]:
@@ -149,7 +187,7 @@ def _samples(plan: Plan, per_phase: int) -> tuple[np.ndarray, np.ndarray, np.nda
                 phase.append(p)
                 share.append(i / per_phase)
     if len(t) - 1 > frames[-1]:
-        frames, phase, share = [*frames, len(t) - 1], [*phase, len(plan.phases) - 1], [*share, 0.0]
+        frames, phase, share = [*frames, len(t) - 1], [*phase, len(phases) - 1], [*share, 0.0]
     boundary = np.array(share) == 0.0
     return np.array(frames), np.array(phase), np.array(share), boundary
 
@@ -159,9 +197,9 @@ def _gatherings(plan: Plan, scene: Scene) -> tuple[Gathering, ...]:
     found = []
     if scene.start is not None and not scene.start.stance:
         feet = tuple(int(c) for c in plan.stances[0, :2] if c >= 0)
-        found.append(Gathering("start region", feet, tuple(scene.start.xyz[:2]), START_RADIUS))
+        found.append(Gathering("start region", feet, (scene.start.xyz[0], scene.start.xyz[1]), START_RADIUS))
     if scene.goal is not None:
         feet = tuple(int(c) for c in plan.stances[-1, :2] if c >= 0)
         radius = max(scene.goal.radius - GOAL_SLACK, 0.0)
-        found.append(Gathering("goal region", feet, tuple(scene.goal.xyz[:2]), radius))
+        found.append(Gathering("goal region", feet, (scene.goal.xyz[0], scene.goal.xyz[1]), radius))
     return tuple(found)

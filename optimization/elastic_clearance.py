@@ -1,8 +1,9 @@
 """Rows that keep the capsules of a body away from the terrain: distance, witness point and normal, and their Jacobian.
 
 The distance of a capsule from a polygon is that of its axis from the polygon less its radius. Where the axis passes
-through the polygon it is negative: minus the way out along the polygon's outward normal, the radius included. So a limb
-inside a plate is pushed out to the side that the plate may be touched from.
+through the polygon, or has an end straight behind its face and not further than `WITHIN`, it is negative: minus the way out
+along the polygon's outward normal, the radius included. So a limb inside a plate is pushed out to the side that the plate
+may be touched from.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from optimization.body_capsules import BodyCapsules, closest_on_segments
 from optimization.kinematic_tree import KinematicTree, point_jacobian
 from scenes.packed_terrain import PackedTerrain, near
 
+WITHIN = 0.04  # [m] behind a face: twice the thickness of a plate, since a foot may have come through it
 BODY_REACH = 1.0  # [m] no part of a body is further from its base than this in plan view
 
 
@@ -106,13 +108,19 @@ def axis_to_polygon(
     n = packed.normal[k]
     height_a = n[0] * a[0] + n[1] * a[1] + n[2] * a[2] - packed.offset[k]
     height_b = n[0] * b[0] + n[1] * b[1] + n[2] * b[2] - packed.offset[k]
-    if height_a * height_b < 0.0:
-        t = height_a / (height_a - height_b)
-        if over_polygon(packed, k, a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])):
+    deep = min(height_a, height_b)
+    if deep < 0.0:
+        x, other = (a, height_b) if height_a < height_b else (b, height_a)
+        t = deep / (deep - other) if other > 0.0 else 0.0  # where the axis passes through the plane, from its deep end
+        o = b if height_a < height_b else a
+        through = other > 0.0 and over_polygon(
+            packed, k, x[0] + t * (o[0] - x[0]), x[1] + t * (o[1] - x[1]), x[2] + t * (o[2] - x[2])
+        )
+        if through or (deep > -WITHIN and over_polygon(packed, k, x[0], x[1], x[2])):
             for r in range(3):
-                point[r] = a[r] if height_a < height_b else b[r]
+                point[r] = x[r]
                 normal[r] = n[r]
-            return min(height_a, height_b)
+            return deep
     best = np.inf
     for end in range(2):
         x, height = (a, height_a) if end == 0 else (b, height_b)
@@ -140,7 +148,7 @@ def terrain_row(
 ) -> None:  # fmt: skip
     """Writes row (nv,), the derivative of distance k of `rows` with respect to v; J (6, nv) is scratch."""
     x = rows.point[k]
-    point_jacobian(tree, R, p, capsules.link[rows.shape[k]], x[0], x[1], x[2], J)
+    point_jacobian(tree, R, p, int(capsules.link[rows.shape[k]]), x[0], x[1], x[2], J)
     n = rows.normal[k]
     for i in range(row.shape[0]):
         row[i] = n[0] * J[3, i] + n[1] * J[4, i] + n[2] * J[5, i]

@@ -102,7 +102,8 @@ class StripOptions:
         turn: how far a foot contact may turn about its normal, in all [rad].
         margin: distance that the CoM keeps from the edge of the balance polygon, less in narrow ones [m].
         limb_clearance: distance that limbs keep from the terrain [m].
-        air_clearance: distance that feet and hands in the air keep from the terrain [m].
+        air_clearance: distance that feet and hands in the air keep from the terrain [m]; little, since their capsules
+            overfill them, and the motion stage plans the curves of swings anew.
         reserve: range that joints keep unused at either end where the plan leaves it [rad].
         contact_weight: [1/m^2]; an angle counts with a lever of 0.3 m.
         exact_penalty: cost of a metre outside balance or clearance; above every multiplier, so that they give way to
@@ -121,7 +122,7 @@ class StripOptions:
     turn: float = 0.1
     margin: float = 0.01
     limb_clearance: float = 0.01
-    air_clearance: float = 0.01
+    air_clearance: float = 0.0
     reserve: float = 0.05
     contact_weight: float = 3e4
     exact_penalty: float = 200.0

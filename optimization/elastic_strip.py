@@ -6,7 +6,7 @@ Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning", sec. 4.5.3.
 """
 
 # pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
-# pyright: reportArgumentType=false, reportCallIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
 
 from __future__ import annotations
 

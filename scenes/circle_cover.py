@@ -89,7 +89,7 @@ def cover_free_space(
                 larger = np.empty((2 * n, 3))
                 larger[:n] = circles
                 circles = larger
-            circles[n] = _grown(cells[i], room[i], spacing, finest, normals, offsets, blockers, counts, keep)
+            circles[n] = _grown(cells[i], float(room[i]), spacing, finest, normals, offsets, blockers, counts, keep)
             n += 1
         half = 0.5 * spacing
         if half < finest * (1.0 - 1e-9):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from optimization.elastic_balance import BalancePolygons, edge_rows
 from optimization.elastic_check import contact_heading, frame_error, rotation_about
-from optimization.elastic_clearance import axis_to_polygon
+from optimization.elastic_clearance import WITHIN, axis_to_polygon
 from optimization.elastic_rows import StripRows, linearise, make_strip_rows
 from optimization.static_equilibrium import balance_region
 from optimization.whole_body_ik import WholeBodyIK
@@ -51,13 +51,25 @@ def test_the_distance_of_an_axis_from_a_polygon_is_the_least_over_its_points(see
     distance = axis_to_polygon(packed, 0, a, b, point, normal)
     sampled = nearest_by_sampling(packed.vertices[0, :4], packed.normal[0], a, b)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
+    heights = (np.array([a, b]) @ packed.normal[0]) - packed.offset[0]
     if distance >= 0.0:
         assert sampled == pytest.approx(distance, abs=1e-3)
-    else:  # passes through: the way out along the normal is that of its deepest point
-        assert sampled < 2e-3
-        heights = (np.array([a, b]) @ packed.normal[0]) - packed.offset[0]
+    else:  # passes through, or has come through: the way out along the normal is that of its deepest point
+        assert sampled < 2e-3 or heights.min() > -WITHIN
+        np.testing.assert_array_equal(normal, packed.normal[0])
         assert distance == pytest.approx(heights.min())
         assert min(np.linalg.norm(point - x) for x in (a, b)) == 0.0
+
+
+@pytest.mark.parametrize(("height", "expected", "up"), [(0.05, 0.05, 1), (-0.01, -0.01, 1), (-0.1, 0.1, -1)])
+def test_what_is_just_behind_a_face_is_pushed_out_of_it_and_what_is_far_behind_away(
+    height: float, expected: float, up: int
+) -> None:
+    packed = pack_terrain(terrain_from([tilted_plate("plate", (0, 0, 0), rectangle(1.0, 1.0), 0, 0)]))
+    point, normal = np.empty(3), np.empty(3)
+    a, b = np.array([0.0, 0.0, height]), np.array([0.1, 0.0, height])
+    assert axis_to_polygon(packed, 0, a, b, point, normal) == pytest.approx(expected)
+    assert normal[2] == pytest.approx(up)
 
 
 def rows_at(ik: WholeBodyIK, q: np.ndarray, air: np.ndarray) -> StripRows:
