@@ -47,7 +47,7 @@ def friction_rows(force: np.ndarray, faces: np.ndarray) -> Rows:
     """faces (J, R, 3) @ f <= 0 for each corner force f."""
     rows = SparseRows()
     count = 4 * len(faces) * faces.shape[1]
-    row = np.arange(count).reshape(len(faces), 4, -1)
+    row = np.arange(count).reshape(len(faces), 4, faces.shape[1])
     rows.add_blocks(row, force.reshape(-1, 4, 3), faces[:, None])
     return rows, np.full(count, -np.inf), np.zeros(count)
 

@@ -203,3 +203,11 @@ def test_phases_are_runs_of_the_same_contacts():
     left, right = feet()
     rows = [(left, right, None, None)] * 3 + [(left, None, None, None)] * 2 + [(left, right, None, None)]
     assert phase_of_interval(ContactSchedule.from_rows(rows, 0.1)).tolist() == [0, 0, 0, 1, 1, 2]
+
+
+def test_without_any_contact_nothing_helps():
+    report = unblock(problem(ContactSchedule.from_rows([(None,) * 4] * 3, 0.1)))
+    assert not report.feasible
+    assert not report.remedies
+    assert "no contact" in str(report)
+    assert "no change that was tried is enough" in str(report)
