@@ -77,8 +77,10 @@ def train_dynamics(
     writes the same bytes.
 
     Raises:
-        InputError: too few scenes to hold any out, or no feasible transition to learn from.
+        InputError: labels of another model of the robot, too few scenes to hold any out, or no feasible transition to learn from.
     """
+    if _parameters(labels).get("robot_model_sha256", robot.model_sha256) != robot.model_sha256:
+        raise InputError(f"training data: they are of another model of {robot.name!r} than the one here; collect again")
     data = learning_set(labels, options.seed, RELATIVE_FRAME if options.kind == "shared" else "heading")
     _check(data)
     plan = lessons(data, options)
@@ -150,6 +152,7 @@ def _card(robot: Robot, options: TrainingOptions, data: LearningSet, labels: Lab
         "kind": options.kind,
         "robot": robot.name,
         "robot_dynamics": dynamics_fingerprint(robot),
+        **_cone(labels),
         "features": list(relative_feature_names()),
         "outputs": "logit, log(objective + 10), final CoM from the feet's mean after in F [m], final velocity in F [m/s]",
         "training": asdict(options),
@@ -157,6 +160,17 @@ def _card(robot: Robot, options: TrainingOptions, data: LearningSet, labels: Lab
         "rows": {name: data.counts(part).tolist() for part, name in names.items()},
         "feasible": {name: _feasible(data, part) for part, name in names.items()},
     }
+
+
+def _cone(labels: LabelledTransitions) -> dict[str, Any]:
+    """The friction cone that the labels are for, where the campaign says so."""
+    program = _parameters(labels).get("program")
+    return {"cone": program["cone"]} if isinstance(program, dict) and "cone" in program else {}
+
+
+def _parameters(labels: LabelledTransitions) -> dict[str, Any]:
+    parameters = labels.source.get("parameters")
+    return parameters if isinstance(parameters, dict) else {}
 
 
 def _feasible(data: LearningSet, part: int) -> list[int]:

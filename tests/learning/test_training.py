@@ -134,6 +134,16 @@ def test_too_few_scenes_to_hold_any_out_are_refused(toy_labels, tmp_path) -> Non
         train(replace(labels, scene=np.zeros(100, int)), tmp_path)
 
 
+def test_the_card_names_the_cone_and_labels_of_another_model_are_refused(toy_labels, tmp_path) -> None:
+    labels, model = toy_labels(300), load_robot("escher").model_sha256
+    parameters = {"robot_model_sha256": model, "program": {"cone": "inner"}}
+    options = replace(SMALL, epochs=1)
+    card = train(replace(labels, source={"parameters": parameters}), tmp_path, options).surrogate.card
+    assert card["cone"] == "inner" and card["data"]["parameters"] == parameters
+    with pytest.raises(InputError, match="another model of 'escher'"):
+        train(replace(labels, source={"parameters": parameters | {"robot_model_sha256": "0"}}), tmp_path, options)
+
+
 @pytest.mark.parametrize("kind", ["shared", "documented"])
 def test_folded_networks_answer_as_the_scaled_ones_did(kind, toy_labels, tmp_path) -> None:
     """Through an independent path: torch's network on scaled features, scaled back by hand."""
