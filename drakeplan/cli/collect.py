@@ -21,16 +21,16 @@ NAMES = "\n".join(f"  {name:<9}  {about}" for name, about in CAMPAIGNS.items())
 ABOUT = f"""Gathers training data for surrogates into a folder of Parquet shards.
 
 The same seed gives the same rows, whoever collects them. What is killed goes on with --resume, bit for bit as if it had
-never stopped. An environment gives up to 20 labels of each category of transitions, about 190 in all and some seconds of
-work; 1300 give 20 000 of each. A larger --count with --resume adds to what is there.
+never stopped. An environment gives up to 20 labels of each category of transitions, about 155 in all and some seconds of
+work; 1700 give 20 000 of each. A larger --count with --resume adds to what is there.
 
 campaigns:
 {NAMES}
 
 examples:
   drakeplan collect dynamics --count 4 --out labels
-  drakeplan collect dynamics --count 1300 --out labels --workers 2 --resume
-  drakeplan collect dynamics --count 6500 --out labels --cluster tcp://head:8786"""
+  drakeplan collect dynamics --count 1700 --out labels --workers 2 --resume
+  drakeplan collect dynamics --count 8500 --out labels --cluster tcp://head:8786"""
 
 
 @dataclass(frozen=True)
