@@ -14,7 +14,6 @@ from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_timing import TimingOptions, optimise_timing
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
-from optimization.levers import phase_of_interval
 from optimization.timing_step import whole_cost
 from optimization.transition_dynamics import transition_options
 from scenes.contact import Contact
@@ -44,7 +43,7 @@ def free_durations(
     problem = _problem(robot, schedule, t)
     phase = schedule.phase_at(t[:-1])
     swings = np.array([schedule.phases[p].mover >= 0 for p in phase])
-    group = phase_of_interval(problem.schedule)
+    group = problem.schedule.phases
     # limbs that swing faster turn the body more, of which the centroidal program knows nothing
     shortest = tuple(1.0 if swings[group == g].any() else bounds[0] for g in range(group.max() + 1))
     timing = TimingOptions(shortest=shortest, longest=bounds[1], tolerance=WORTH)
@@ -74,7 +73,13 @@ def effort(robot: Robot, schedule: Schedule, cone: str, trajectory: CentroidalTr
 
 
 def planned_schedule(plan: Plan) -> Schedule:
-    """The contacts of a plan over its phases."""
+    """The contacts of a plan over its phases.
+
+    Raises:
+        ValueError: a plan of contacts alone has none.
+    """
+    if plan.phases is None:
+        raise ValueError(f"the plan of {plan.scene_name!r} has no phases")
     held = [
         Contact(plan.effectors[e], int(s), X_WC, float(mu))
         for X_WC, e, s, mu in zip(

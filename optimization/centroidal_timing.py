@@ -19,7 +19,6 @@ from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_options import COST_SCALE, CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.levers import phase_of_interval
 from optimization.timing_step import TimingStep, whole_cost
 from scenes.input_error import InputError
 
@@ -171,7 +170,7 @@ class _TimingSearch:
     ) -> None:
         self.problem, self.options, self.timing, self.build = problem, options, timing, build
         schedule = problem.schedule
-        self.group = phase_of_interval(schedule) if timing.each == "phase" else np.arange(len(schedule.dt))
+        self.group = schedule.phases if timing.each == "phase" else np.arange(len(schedule.dt))
         self.given = np.bincount(self.group, schedule.dt)
         self.share = schedule.dt / self.given[self.group]
         self.least, self.most = self._bounds()

@@ -9,7 +9,6 @@ import numpy as np
 
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
-from optimization.contact_schedule import ContactSchedule
 from scenes.effector import EFFECTORS
 
 Question = tuple[CentroidalProblem, CentroidalOptions]
@@ -47,12 +46,6 @@ class Lever:
     def part_of(self, other: Lever) -> bool:
         """Whether the other lever, moved all the way, does all that this one can do."""
         return self.kind == other.kind and bool(self.members) and self.members < other.members
-
-
-def phase_of_interval(schedule: ContactSchedule) -> np.ndarray:
-    """(N-1,) number of the phase of each interval: phases are the longest runs of the same active contacts."""
-    changes = (np.diff(schedule.active, axis=0) != 0).any(axis=1)
-    return np.concatenate([[0], np.cumsum(changes)])
 
 
 def friction_lever(problem: CentroidalProblem, contacts: Iterable[int]) -> Lever:
@@ -106,7 +99,7 @@ def height_levers(options: CentroidalOptions) -> list[Lever]:
 def time_levers(problem: CentroidalProblem, phase: int) -> list[Lever]:
     """Make a phase shorter or longer; its intervals keep their shares of it."""
     schedule = problem.schedule
-    within = phase_of_interval(schedule) == phase
+    within = schedule.phases == phase
     now = float(schedule.dt[within].sum())
 
     def scaled(question: Question, duration: float) -> Question:

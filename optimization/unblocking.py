@@ -12,6 +12,7 @@ from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_check import violations
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_explanation import shortfalls
+from optimization.centroidal_flight import impossible_flight
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.contact_schedule import ContactSchedule
@@ -22,7 +23,6 @@ from optimization.levers import (
     friction_lever,
     height_levers,
     momentum_levers,
-    phase_of_interval,
     place_levers,
     reach_lever,
     time_levers,
@@ -125,6 +125,7 @@ class InfeasibilityReport:
 
     Attributes:
         feasible: whether it has one as it is.
+        flight: which phase without contacts is too long to survive, in closed form; "" where none is.
         blockages: what stands in the way, the worst first.
         remedies: the smallest first; each is enough by itself.
         solves: programs that were solved.
@@ -132,6 +133,7 @@ class InfeasibilityReport:
     """
 
     feasible: bool
+    flight: str
     blockages: tuple[Blockage, ...]
     remedies: tuple[Remedy, ...]
     solves: int
@@ -140,7 +142,9 @@ class InfeasibilityReport:
     def __str__(self) -> str:
         if self.feasible:
             return "feasible as it is"
-        why = str(self.blockages[0]) if self.blockages else "no constraint that could give way explains it"
+        why = self.flight or (
+            str(self.blockages[0]) if self.blockages else "no constraint that could give way explains it"
+        )
         told = " or ".join(str(remedy) for remedy in self.remedies[:TOLD])
         cure = f"enough: {told}" if told else "no change that was tried is enough"
         return f"{why}; {cure}{'' if self.complete else ' (stopped by a limit, not all was tried)'}"
@@ -196,14 +200,15 @@ def unblock(
     trials = _Trials(build, most_solves, time.perf_counter() + time_limit)
     program, estimate = trials.solve(question)
     if estimate.feasible:
-        return InfeasibilityReport(True, (), (), trials.solves, True)
+        return InfeasibilityReport(True, "", (), (), trials.solves, True)
     blockages = find_blockages(program, estimate)
     remedies = _single(question, blockages, trials)
     if not remedies and blockages:
         together = _one_after_the_other(question, trials)
         remedies = [together] if together is not None else []
     remedies.sort(key=lambda remedy: remedy.size)
-    return InfeasibilityReport(False, tuple(blockages), tuple(remedies), trials.solves, not trials.stopped)
+    flight = impossible_flight(*question)
+    return InfeasibilityReport(False, flight, tuple(blockages), tuple(remedies), trials.solves, not trials.stopped)
 
 
 def _single(question: Question, blockages: list[Blockage], trials: _Trials) -> list[Remedy]:
@@ -234,7 +239,7 @@ def find_blockages(program: CentroidalProgram, estimate: CentroidalEstimate) -> 
     problem, options, trajectory = program.problem, program.options, estimate.trajectory
     found = shortfalls(program) if trajectory is None else violations(problem, options, trajectory)
     schedule = problem.schedule
-    phases, times = phase_of_interval(schedule), schedule.times
+    phases, times = schedule.phases, schedule.times
     out = []
     for each in found:
         interval = each.knot if each.block in INTERVAL_BLOCKS else each.knot - 1
@@ -260,7 +265,7 @@ def _levers(question: Question, blockages: list[Blockage]) -> list[Lever]:
     """Everything that bears on the phases where the problem is blocked, and the length of every flight."""
     problem, options = question
     schedule = problem.schedule
-    phases = phase_of_interval(schedule)
+    phases = schedule.phases
     blocked = list(dict.fromkeys(b.phase for b in blockages))[:PHASES]
     levers: list[Lever] = []
     contacts = {b.contact for b in blockages if b.contact >= 0}

@@ -12,7 +12,6 @@ from optimization.centroidal_options import CentroidalOptions, CentroidalWeights
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_timing import TimingOptions, optimise_timing
 from optimization.contact_schedule import ContactSchedule
-from optimization.levers import phase_of_interval
 from optimization.timing_step import TimingStep
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
@@ -116,7 +115,7 @@ def test_the_duration_gradient_is_the_difference_quotient_of_the_fixed_time_opti
     options = replace(CentroidalOptions(), tolerance=1e-9, max_iterations=60)
     program = CentroidalProgram(data, options)
     estimate = program.solve()
-    group = phase_of_interval(data.schedule)
+    group = data.schedule.phases
     gradient = TimingStep(program, estimate.trajectory, group, data.schedule.dt).gradient()
 
     def optimum(phase, factor):

@@ -9,7 +9,6 @@ from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.contact_schedule import ContactSchedule
-from optimization.levers import phase_of_interval
 from optimization.unblocking import unblock
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
@@ -110,6 +109,7 @@ def test_a_fall_between_two_holds_may_last_only_until_the_arms_are_too_short():
         options(com_reach=(1.0, 1.0, reach, reach), force_limit=(9.0,) * 4, rest_at_end=False, final_half_width=None),
     )
     assert not report.feasible
+    assert report.flight == ""  # one interval alone: between knots nothing is asked of the height
     room = np.sqrt(reach**2 - 0.2**2) + below  # [m] that the CoM may drop
     assert room < G * T**2
     assert needed(report, "duration of phase 0", "no contact") == pytest.approx(np.sqrt(room / G), abs=0.006)
@@ -199,15 +199,26 @@ def test_limits_are_kept_and_told():
     assert "stopped by a limit" in str(report)
 
 
-def test_phases_are_runs_of_the_same_contacts():
-    left, right = feet()
-    rows = [(left, right, None, None)] * 3 + [(left, None, None, None)] * 2 + [(left, right, None, None)]
-    assert phase_of_interval(ContactSchedule.from_rows(rows, 0.1)).tolist() == [0, 0, 0, 1, 1, 2]
-
-
 def test_without_any_contact_nothing_helps():
     report = unblock(problem(ContactSchedule.from_rows([(None,) * 4] * 3, 0.1)))
     assert not report.feasible
     assert not report.remedies
     assert "no contact" in str(report)
     assert "no change that was tried is enough" in str(report)
+
+
+def test_a_flight_that_is_too_long_to_survive_is_the_headline_and_a_shorter_one_is_enough():
+    rows = [(*feet(), None, None)] * 4 + [(None,) * 4] * 14 + [(*feet(), None, None)] * 6
+    data = problem(ContactSchedule.from_rows(rows, 0.1))
+    limits = options(force_limit=(1.5, 1.5, 1.0, 1.0))
+    report = unblock(data, limits)
+    assert "phase 1 (0.40 to 1.80 s): without contact for 1.40 s" in str(report)
+    shorter = needed(report, "duration of phase 1", "no contact")
+    assert 0.3 < shorter < 1.3
+
+    def lands(duration):
+        dt = np.where(data.schedule.phases == 1, duration / 14, 0.1)
+        return CentroidalProgram(replace(data, schedule=replace(data.schedule, dt=dt)), limits).solve().feasible
+
+    assert lands(shorter)
+    assert not lands(shorter + 0.02)
