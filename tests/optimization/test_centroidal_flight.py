@@ -100,3 +100,13 @@ def test_a_flight_from_the_start_falls_as_far_as_its_first_speed_lets_it():
     assert "phase 0 (0.00 to 0.80 s)" in dropped.reason
     assert "3.14 m" in dropped.reason
     assert CentroidalProgram(thrown(G * 0.45)).solve().feasible
+
+
+@pytest.mark.parametrize("solver", ["piqp", "clarabel"])
+def test_without_any_contact_the_com_falls_by_the_difference_equations(solver):
+    schedule = ContactSchedule.from_rows([(None,) * 4] * 3, 0.1)
+    data = CentroidalProblem(schedule, 76.0, HALF, np.array([0, 0, 1.0]), np.array([7.6, 0, 0]), np.array([1.0, 0, 0]))
+    estimate = CentroidalProgram(data, CentroidalOptions(rest_at_end=False, solver=solver)).solve()
+    assert estimate.feasible, estimate.reason
+    assert np.allclose(estimate.trajectory.com[-1], [0.03, 0, 1.0 - G * 0.1**2 * (1 + 2 + 3)])
+    assert np.allclose(estimate.trajectory.angular_momentum, [1.0, 0, 0])
