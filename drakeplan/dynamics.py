@@ -13,6 +13,7 @@ from optimization.centroidal_options import CentroidalOptions, CentroidalWeights
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
+from optimization.joint_torques import TorqueRows
 from scenes.robot import Robot
 
 # Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes
@@ -86,7 +87,11 @@ class SequenceDynamics:
         self._last: CentroidalTrajectory | None = None
 
     def solve(
-        self, reference: np.ndarray, spin: np.ndarray, box: np.ndarray | None = None
+        self,
+        reference: np.ndarray,
+        spin: np.ndarray,
+        box: np.ndarray | None = None,
+        torques: TorqueRows | None = None,
     ) -> tuple[CentroidalTrajectory | None, str]:
         """A feasible trajectory near the reference, or the reason why there is none.
 
@@ -94,31 +99,43 @@ class SequenceDynamics:
             reference: (N, 3) CoM at the knots to stay near [m]; its first row is where the robot starts.
             spin: (N, 3) angular momentum to stay near [N m s].
             box: (N, 3) half widths of hard bounds around it [m]; without, the pull gives way where `BOX` is too small.
+            torques: limits of the joint torques, kept where that is possible.
         """
-        tries = [(1.0, BOX if box is None else box)]
+        first = (1.0, BOX if box is None else box)
+        tries = [first]
         if box is None:
             tries += [(0.2, 2.0 * np.array(BOX)), (0.05, np.full(3, np.inf))]
         reason = ""
-        for pull, half in tries:
-            problem = CentroidalProblem(
-                schedule=self.contacts,
-                mass=self._robot.mass,
-                half_extent=self._robot.half_extents,
-                initial_com=reference[0],
-                com_reference=reference,
-                com_box=np.broadcast_to(half, reference.shape),
-                angular_momentum_reference=np.vstack([np.zeros(3), spin[1:]]),
-            )
-            estimate = self._program(pull, problem).solve()
+        for pull, half, rows in [(*first, torques)] * (torques is not None) + [(*each, None) for each in tries]:
+            problem = self.problem(reference, spin, half)
+            estimate = self._program(pull, problem, rows).solve()
             if estimate.feasible:
                 self._last = estimate.trajectory
                 return estimate.trajectory, ""
             reason = f"the dynamics are infeasible: {estimate.reason}"
         return None, reason
 
-    def _program(self, pull: float, problem: CentroidalProblem) -> CentroidalProgram:
+    def problem(
+        self, reference: np.ndarray, spin: np.ndarray, half: np.ndarray | tuple[float, ...]
+    ) -> CentroidalProblem:
+        """The data: CoM reference (N, 3), angular momentum (N, 3) to stay near and half widths of the CoM's bounds."""
+        return CentroidalProblem(
+            schedule=self.contacts,
+            mass=self._robot.mass,
+            half_extent=self._robot.half_extents,
+            initial_com=reference[0],
+            com_reference=reference,
+            com_box=np.broadcast_to(half, reference.shape),
+            angular_momentum_reference=np.vstack([np.zeros(3), spin[1:]]),
+        )
+
+    def _program(self, pull: float, problem: CentroidalProblem, torques: TorqueRows | None) -> CentroidalProgram:
         known = self._programs.get(pull)
-        if known is None:
+        if torques is not None:
+            known = CentroidalProgram(problem, relaxed(self._usual, pull))
+            index = known.index["wrench"]
+            known.add_rows("joint torques", lambda: torques.in_program(index))
+        elif known is None:
             known = self._programs[pull] = CentroidalProgram(problem, relaxed(self._usual, pull))
         else:
             known.update(problem)

@@ -159,11 +159,11 @@ class MotionMaker:
         self.robot_plant = robot_plant or build_plant(robot, terrain)
         ik = ik or WholeBodyIK(robot)
         monitor = ProximityMonitor(self.robot_plant, ik.kinematics)
+        self.effort = effort_limits(self.robot_plant.plant)
         self.setting = Setting(
-            robot, ik, monitor, pack_terrain(terrain), options.rate, options.clearance, options.feedback
+            robot, ik, monitor, pack_terrain(terrain), options.rate, options.clearance, self.effort, options.feedback
         )
         self.regions = BalanceRegions(robot, options.cone)
-        self.effort = effort_limits(self.robot_plant.plant)
 
     def run(
         self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None], guide: Guide | None = None

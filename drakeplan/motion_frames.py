@@ -11,7 +11,7 @@ import numpy as np
 from drakeplan.dynamics import BOX, Guide, SequenceDynamics, through
 from drakeplan.encounters import Encounters, ProximityMonitor
 from drakeplan.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
-from drakeplan.motion_check import Problem, find_problems
+from drakeplan.motion_check import Problem, find_problems, mean_velocities
 from drakeplan.motion_targets import (
     FAINT,
     Detour,
@@ -29,6 +29,7 @@ from drakeplan.phases import MOVE, Schedule
 from optimization.alternation import alternate
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.frame_task import frame_targets
+from optimization.joint_torques import TorqueRows
 from optimization.momentum_gap import Gap, MomentumGap
 from optimization.momentum_tracking import MomentumTargets, motion_momentum, motion_poses, track_momentum
 from optimization.posture_tracking import TrackedPostures, track_postures
@@ -43,6 +44,7 @@ FOLLOW = (0.1, 0.05)  # weights of angular and linear momentum [1/(N m s), s/(kg
 CALM = 3e-4  # weight of accelerations [s^2/rad]
 GENTLE = 0.95  # share of the joints' speed limits that all frames together aim to keep
 STEPS, ENOUGH = 4, 0.03  # of Gauss-Newton over all frames, and the relative decrease of cost that ends it
+TORQUE_SHARE = 0.9  # of the joints' torque limits that the dynamics may use at the knots
 ITERATIONS = 3  # of dynamics and motion
 # Good enough: better than promised. Another iteration does not change how the CoM is followed.
 AGREEMENT = MomentumGap(Gap(np.inf, np.inf), Gap(np.inf, np.inf), Gap(1.0, 4.0))
@@ -67,6 +69,7 @@ class Setting:
         packed: the terrain.
         rate: frames per second [Hz].
         clearance: margin of swinging feet and palms to the terrain [m].
+        effort: (nv - 6,) greatest joint torques [N m].
         feedback: whether dynamics and motion are made to agree.
     """
 
@@ -76,6 +79,7 @@ class Setting:
     packed: PackedTerrain
     rate: int
     clearance: float
+    effort: np.ndarray
     feedback: bool = True
 
 
@@ -119,11 +123,11 @@ class MotionFrames:
         _, momentum = motion_momentum(self.tree, q, np.diff(self.t))
         return self._solve(self._at_knots(momentum[:, :3]) * self.setting.feedback, None)
 
-    def _solve(self, spin: np.ndarray, box: np.ndarray | None) -> str:
+    def _solve(self, spin: np.ndarray, box: np.ndarray | None, torques: TorqueRows | None = None) -> str:
         began = time.perf_counter()
         follow = through if self._guide is None else self._guide.through
         reference = follow(self._course.t, self._course.com, self._knots)
-        trajectory, reason = self._dynamics.solve(reference, spin, box)
+        trajectory, reason = self._dynamics.solve(reference, spin, box, torques)
         self.dynamics_s += time.perf_counter() - began
         if trajectory is not None:
             self.trajectory, self._spin = trajectory, spin
@@ -259,8 +263,18 @@ class MotionFrames:
         )
 
     def _feed_spin_back(self) -> bool:
-        """The dynamics once more, with the motion's own angular momentum."""
-        return not self._solve(self._at_knots(self._momentum[:, :3]), self._box)
+        """The dynamics once more, with the motion's own angular momentum and, where they bind, its joint torques."""
+        return not self._solve(self._at_knots(self._momentum[:, :3]), self._box, self._torque_rows())
+
+    def _torque_rows(self) -> TorqueRows | None:
+        """Limits of the joint torques about the motion as it is at the knots; None where none is near its limit."""
+        q = smoothed(self.q, SMEAR * self.setting.rate)[np.round(self._knots * self.setting.rate).astype(int)]
+        v = mean_velocities(q, self._knots[1] - self._knots[0])
+        v = np.vstack([np.zeros(v.shape[1]), v])
+        kinematics, effort = self.setting.ik.kinematics, self.setting.effort
+        problem = self._dynamics.problem(self.trajectory.com, self.trajectory.angular_momentum, self._box)
+        rows = TorqueRows(kinematics, problem, TORQUE_SHARE * effort, q, v)
+        return rows if (np.abs(rows.torques(self.trajectory)) > TORQUE_SHARE * effort).any() else None
 
     # ---- bodies that come too near
 

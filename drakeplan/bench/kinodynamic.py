@@ -12,12 +12,15 @@ import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
+from drakeplan.plan import Plan
 from drakeplan.planning import PlanOptions, plan_scene
 from drakeplan.warm_up import warm_up
 from optimization.momentum_gap import PROMISED, Gap, MomentumGap
 from optimization.whole_body_ik import WholeBodyIK
+from scenes.contact import Contact
+from scenes.effector import EFFECTORS
 from scenes.plant import RobotPlant, build_plant
-from scenes.robot import Robot, load_robot
+from scenes.robot import load_robot
 from scenes.scene_source import load_scene
 from scenes.stance import Stance
 
@@ -42,14 +45,13 @@ def run(options: BenchOptions) -> BenchTable:
         if found.plan is None:
             notes.append(f"{name} seed {seed}: {found.reason}")
             continue
-        contacts = found.plan.contacts
-        stances = [Stance(tuple(contacts[c] if c >= 0 else None for c in row)) for row in found.plan.stances]
+        stances = _stances(found.plan)
         motions = []
         for feedback in (True, False):
             maker = MotionMaker(robot, scene.terrain, MotionOptions(feedback=feedback))
             began = time.process_time()
             motions.append((maker.run(stances, lambda event: None), time.process_time() - began))
-        row = _row(robot, plant, motions)
+        row = _row(plant, motions)
         kept += row[0]
         rows.append((f"{name} {seed}", found.status == "complete", *row[1:]))
         options.tell("  ".join(str(cell) for cell in rows[-1]))
@@ -64,7 +66,17 @@ def run(options: BenchOptions) -> BenchTable:
     return BenchTable("kinodynamic", "Momenta of the motion less the dynamics'", columns, tuple(rows), tuple(notes))
 
 
-def _row(robot: Robot, plant: RobotPlant, motions: list[tuple[MotionResult, float]]) -> tuple[object, ...]:
+def _stances(plan: Plan) -> list[Stance]:
+    """The contact sequence of a plan."""
+    c = plan.contacts
+    contacts = [
+        Contact(EFFECTORS[e], int(s), X_WC, float(mu))
+        for X_WC, e, s, mu in zip(c.X_WC, c.effector, c.surface, c.friction, strict=True)
+    ]
+    return [Stance(tuple(contacts[k] if k >= 0 else None for k in row)) for row in plan.stances]
+
+
+def _row(plant: RobotPlant, motions: list[tuple[MotionResult, float]]) -> tuple[object, ...]:
     """Whether the first motion keeps what is promised, then its cells and those of the one without feedback."""
     (motion, seconds), (peer, peer_seconds) = motions
     if motion.centroidal is None or not len(motion.q):
