@@ -166,25 +166,36 @@ def test_killed_at_random_moments_and_resumed_the_data_are_bit_identical(tmp_pat
     assert files(folder) == expected
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
 def test_workers_die_with_the_process_that_is_killed(tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, str(TOY), str(tmp_path), "100000", "0.01"])
     deadline = time.monotonic() + 30
     while not shard_paths(tmp_path) and time.monotonic() < deadline:
         time.sleep(0.05)
-    children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
+    children = [int(p.name) for p in Path("/proc").glob("[0-9]*") if _parent(int(p.name)) == process.pid]
     assert len(children) >= 2
     process.kill()
     process.wait()
-    while any(_alive(int(pid)) for pid in children) and time.monotonic() < deadline:
+    deadline = time.monotonic() + 20
+    while any(map(_alive, children)) and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert not [pid for pid in children if _alive(int(pid))]
+    assert not [pid for pid in children if _alive(pid)]
 
 
 def _alive(pid: int) -> bool:
+    return (_stat(pid) or ["Z"])[0] != "Z"
+
+
+def _parent(pid: int) -> int:
+    return int((_stat(pid) or ["Z", "-1"])[1])
+
+
+def _stat(pid: int) -> list[str]:
+    """State, parent and so on of a process; empty where there is none."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return []
 
 
 def test_more_tasks_can_be_asked_for_later(tmp_path: Path) -> None:
