@@ -55,10 +55,10 @@ def test_reasons_are_counted_by_their_block(reason: str, block: str) -> None:
 def test_the_picture_of_pushes_is_the_same_on_both_sides(
     checker: CaptureChecker, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(capture_rose, "DIRECTIONS", 6)
+    monkeypatch.setattr(capture_rose, "DIRECTIONS", 4)
     monkeypatch.setattr(capture_rose, "SPEEDS", np.array([0.15, 0.8]))
     verdict = capture_rose.draw_rose(checker, lambda line: None, tmp_path / "rose.png")
-    mirrored = verdict[[0, 5, 4, 3, 2, 1]]
+    mirrored = verdict[[0, 3, 2, 1]]
     np.testing.assert_array_equal(verdict, mirrored)
     assert (verdict[:, 0] == 0).all()  # a gentle push needs no step
     assert (verdict[:, 1] > 0).all()  # a strong one does
