@@ -172,7 +172,8 @@ class MixedIntegerPlanner:
         self._why = "not planned yet"
         walls = [e for e in (2, 3) if any(s.allows(robot.effectors[e].name) for s in scene.terrain.surfaces)]
         self._palms = tuple(walls) if self.options.use_palms else ()
-        self._attempts = [(palms, self._least_contacts(palms)) for palms in ((), self._palms)[: 1 + bool(self._palms)]]
+        choices: list[tuple[int, ...]] = [(), self._palms] if self._palms else [()]
+        self._attempts = [(palms, self._least_contacts(palms)) for palms in choices]
         self.setup_s = time.perf_counter() - began
 
     def start_problem(self) -> str:
@@ -275,7 +276,10 @@ class MixedIntegerPlanner:
         for k, reason in reasons:
             self._failures[reason] = self._failures.get(reason, 0) + 1
             for stance in stances[k : k + 2]:
-                self._narrow(stance.contacts[0].surface, stance.contacts[1].surface)
+                left, right = stance.contacts[:2]
+                assert left is not None
+                assert right is not None
+                self._narrow(left.surface, right.surface)
         if self.query.narrowed == narrowed:
             self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
         return tuple(reason for _, reason in reasons)
@@ -308,12 +312,12 @@ class MixedIntegerPlanner:
     def _first_foot(self) -> int:
         """The foot that is farther from the goal moves first."""
         goal = np.array(self.goal.xyz[:2])
-        left, right = (float(np.hypot(*(c.p_WC[:2] - goal))) for c in self.start.contacts[:2])
+        left, right = (float(np.hypot(*(c.p_WC[:2] - goal))) for c in self.query.feet)
         return 0 if left >= right else 1
 
     def _headings(self) -> tuple[tuple[float, float], ...]:
         """Intervals of heading from the start's by way of the goal's direction to the goal's own."""
-        yaw = self.start.contacts[0].heading
+        yaw = self.query.feet[0].heading
         ahead = np.array(self.goal.xyz[:2]) - self.start.feet_mean()[:2]
         wanted = [yaw, yaw + _wrap(np.arctan2(ahead[1], ahead[0]) - yaw)]
         if np.hypot(*ahead) < 1.0:

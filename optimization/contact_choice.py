@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -42,14 +43,14 @@ class Place:
     effector: int
     regions: tuple[FootholdRegion, ...]
     p: np.ndarray
-    heading: object
-    cosine: object
-    sine: object
+    heading: Any
+    cosine: Any
+    sine: Any
     choice: np.ndarray
-    skipped: object
+    skipped: Any
     given: Contact | None = None
 
-    def on(self, surface: int) -> object:
+    def on(self, surface: int) -> Any:
         """Expression (or number) that is 1 where the contact lies on this surface, else 0."""
         if self.given is not None:
             return 1.0 if self.given.surface == surface else 0.0
@@ -96,7 +97,7 @@ def add_place(
     choice = prog.NewBinaryVariables(len(regions), f"choice {name}")
     shares = choice
     points = np.concatenate([r.vertices for r in regions])
-    skipped: object = 0.0
+    skipped: Any = 0.0
     if stay is not None or optional:
         free = prog.NewBinaryVariables(1, f"skipped {name}")
         skipped, shares = free[0], np.append(choice, free)
@@ -119,7 +120,7 @@ def add_place(
 
 
 def _add_big_m(
-    prog: MathematicalProgram, name: str, A: np.ndarray, limit: np.ndarray, points: np.ndarray, p: np.ndarray, b: object
+    prog: MathematicalProgram, name: str, A: np.ndarray, limit: np.ndarray, points: np.ndarray, p: np.ndarray, b: Any
 ) -> None:
     """A p <= limit where b is 1; no more than the points (K, 3) can violate it where b is 0."""
     M = (points @ A.T).max(axis=0) - limit
@@ -133,9 +134,9 @@ def _add_big_m(
 
 
 def _add_heading(
-    prog: MathematicalProgram, name: str, regions: Sequence[FootholdRegion], choice: np.ndarray, skipped: object,
+    prog: MathematicalProgram, name: str, regions: Sequence[FootholdRegion], choice: np.ndarray, skipped: Any,
     stay: Contact | None,
-) -> tuple[object, object, object]:  # fmt: skip
+) -> tuple[Any, Any, Any]:  # fmt: skip
     """Heading, cosine and sine: numbers where only one heading is possible, else variables on chords."""
     intervals = sorted({r.heading for r in regions})
     rest = stay.heading if stay is not None else None
@@ -144,9 +145,9 @@ def _add_heading(
         return only, float(np.cos(only)), float(np.sin(only))
     heading, cosine, sine = prog.NewContinuousVariables(3, f"heading {name}")
     shares = prog.NewContinuousVariables(len(intervals), f"heading share {name}")
-    chord_c: object = 0.0
-    chord_s: object = 0.0
-    total: object = 0.0
+    chord_c: Any = 0.0
+    chord_s: Any = 0.0
+    total: Any = 0.0
     for (low, high), share in zip(intervals, shares, strict=True):
         weight = sum(b for r, b in zip(regions, choice, strict=True) if r.heading == (low, high))
         prog.AddLinearConstraint(share >= low * weight)

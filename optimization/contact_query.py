@@ -9,6 +9,7 @@ import numpy as np
 
 from optimization.mixed_integer_solvers import MixedIntegerRecord
 from optimization.step_reach import StepReach
+from scenes.contact import Contact
 from scenes.input_error import InputError
 from scenes.robot import Robot
 from scenes.scene import Goal
@@ -50,6 +51,14 @@ class ContactQuery:
             raise InputError("mixed-integer planner: start: expected both feet on the ground")
         if not np.isfinite([*self.goal.xyz[:2], self.goal.radius]).all() or self.goal.radius <= 0:
             raise InputError(f"mixed-integer planner: goal: expected finite numbers and a radius > 0, got {self.goal}")
+
+    @property
+    def feet(self) -> tuple[Contact, Contact]:
+        """The contacts of left and right foot at the start."""
+        left, right = self.start.contacts[:2]
+        assert left is not None
+        assert right is not None
+        return left, right
 
 
 @dataclass(frozen=True)

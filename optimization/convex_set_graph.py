@@ -73,7 +73,7 @@ class ConvexSetGraph:
         # A graph of steps knows no palms: their share of the contacts is left out.
         share = 1.0 + 0.5 * len(self.options.palms)
         self.num_steps = int(np.ceil(self.options.num_contacts / share))
-        stand, mover = query.start.contacts[1 - first], query.start.contacts[first]
+        stand, mover = query.feet[1 - first], query.feet[first]
         self._start = self.graph.add_start(stand.p_WC, mover.p_WC, stand.surface)
         goal = np.array(query.goal.xyz[:2])
         self._goal = self.graph.add_goal(goal, query.goal.radius - SAME_PLACE)
@@ -90,7 +90,7 @@ class ConvexSetGraph:
             self._add_arrival(u)
 
     def _candidates(self, effector: int) -> list[FootholdRegion]:
-        heading = self.query.start.contacts[0].heading
+        heading = self.query.feet[0].heading
         intervals = self.options.headings or ((heading, heading),)
         ends = sorted({end for interval in intervals for end in interval})
         terrain, robot, cone = self.query.terrain, self.query.robot, self.query.cone
@@ -132,7 +132,7 @@ class ConvexSetGraph:
         return abs((off + np.pi) % (2 * np.pi) - np.pi) <= GOAL_YAW_TOLERANCE
 
     def _heading(self, u: Foothold) -> float:
-        start = self.query.start.contacts[1 - self.options.first]
+        start = self.query.feet[1 - self.options.first]
         return u.region.heading[0] if u.region is not None else start.heading
 
     def _share(self, u: Foothold, surface: int, mover: int) -> float:
@@ -152,7 +152,7 @@ class ConvexSetGraph:
         A, b = self.graph.travel(u, v)
         self.graph.keep_within(edge, A, b, reach.stride)
         self.graph.add_square(edge, self.options.step, A, b)
-        turn = v.region.heading[0] - self._heading(u)
+        turn = v.placed.heading[0] - self._heading(u)
         self.graph.add_constant(edge, self.options.turn * turn * turn)
 
     def _add_arrival(self, u: Foothold) -> None:
@@ -241,11 +241,12 @@ class ConvexSetGraph:
             if not np.isfinite(x).all():
                 return np.inf, ()
             p = v.P @ x + v.p
-            if (v.region.A @ p - v.region.b).max() > ACCEPT:
+            if (v.placed.A @ p - v.placed.b).max() > ACCEPT:
                 return np.inf, ()
-            contact = v.region.contact(p, v.region.heading[0])
-            held = found[-1].contacts[v.region.effector]
+            contact = v.placed.contact(p, v.placed.heading[0])
+            held = found[-1].contacts[v.placed.effector]
+            assert held is not None
             if np.linalg.norm(contact.p_WC - held.p_WC) < SAME_PLACE and contact.surface == held.surface:
                 continue
-            found.append(found[-1].replace(v.region.effector, contact))
+            found.append(found[-1].replace(v.placed.effector, contact))
         return float(result.get_optimal_cost()), tuple(found)

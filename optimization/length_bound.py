@@ -132,6 +132,10 @@ class _Bounds:
         palms: bool,
     ) -> None:  # fmt: skip
         self.scene, self.robot, self.start, self.goal = scene, robot, start, goal
+        left, right = start.contacts[:2]
+        assert left is not None
+        assert right is not None
+        self._feet = left, right
         self.step_weight, self.palms = step_weight, palms
         self.reach = float(np.hypot(model.steps[:, 0], model.steps[:, 1]).max()) + np.sqrt(2.0) * SAME_CONTACT
         self.rise = robot.max_step_height + SAME_CONTACT
@@ -166,7 +170,7 @@ class _Bounds:
             return 0.0, ""
         low, high = self.scene.terrain.extent
         graph = StepGraph(low - 1.0, high + 1.0)
-        stand, mover = self.start.contacts[1 - first], self.start.contacts[first]
+        stand, mover = self._feet[1 - first], self._feet[first]
         source = graph.add_start(stand.p_WC, mover.p_WC, stand.surface)
         target = graph.add_goal(self._centre, self.goal.radius)
         layer = [source]
@@ -216,5 +220,5 @@ class _Bounds:
 
     def _near_goal(self, u: Foothold) -> bool:
         """Whether the mean may be in the disc: the foot is no farther from the mean than half the reach."""
-        outline = shapely.MultiPoint(u.region.vertices[:, :2]).convex_hull
+        outline = shapely.MultiPoint(u.placed.vertices[:, :2]).convex_hull
         return outline.distance(shapely.Point(self._centre)) <= self.goal.radius + 0.5 * self.reach + 1e-9

@@ -10,6 +10,7 @@ Lin 2020 sec. 2.7 describes the family, sec. 6.7.3 compares it with search.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from pydrake.solvers import MathematicalProgram
@@ -82,7 +83,7 @@ class FootstepProgram:
     # Variables --------------------------------------------------------------------------------------------------
 
     def _candidates(self, effector: int) -> list[FootholdRegion]:
-        start = self.query.start.contacts[0]
+        start = self.query.feet[0]
         headings = self.options.headings or ((start.heading, start.heading),)
         cone = self.query.cone if self._standing and effector < 2 and not self.options.palms else None
         terrain, robot = self.query.terrain, self.query.robot
@@ -127,7 +128,7 @@ class FootstepProgram:
             return self._chain[sum(m < 2 for m in self.movers[:i])]
         reach, feet = self.query.reach, [m < 2 for m in self.movers]
         slack = reach.arm + float(np.hypot(*reach.shoulder[:2])) + 0.5 * reach.farthest
-        stand = self.query.start.contacts[1 - self.options.first]
+        stand = self.query.feet[1 - self.options.first]
         regions = within(self._regions[mover], stand.p_WC, reach.farthest * sum(feet[: i + 1]) + slack)
         to_goal = self.query.goal.radius + reach.farthest * (sum(feet[i + 1 :]) + 0.5) + slack
         return within(regions, np.array(self.query.goal.xyz), to_goal)
@@ -138,13 +139,13 @@ class FootstepProgram:
         order = [m for m in self.movers if m < 2]
         if not order:
             return []
-        start = self.query.start.contacts[1 - order[0]]
+        start = self.query.feet[1 - order[0]]
         first = within(self._regions[order[0]], start.p_WC, reach.farthest + SAME_PLACE)
         forward = [first]
         for mover in order[1:]:
             near = reachable(forward[-1], self._regions[mover], reach.farthest + SAME_PLACE, reach.rise)
             if self.options.trim:  # what is left out at the beginning may be followed by any first step
-                both = [c.p_WC for c in self.query.start.contacts[:2]]
+                both = [c.p_WC for c in self.query.feet]
                 also = [r for p in both for r in within(self._regions[mover], p, reach.farthest + SAME_PLACE)]
                 near = [r for r in self._regions[mover] if any(r is k for k in (*near, *also))]
             forward.append(near)
@@ -168,7 +169,7 @@ class FootstepProgram:
             _cone(self.prog, rows, f"reach {k} {name}")
         self._narrow(name, place, stand, apart, side)
         self._add_support(name, stand)
-        left, right = (c.p_WC for c in self.query.start.contacts[:2])
+        left, right = (c.p_WC for c in self.query.feet)
         lack = max(abs(left[2] - right[2]) - reach.rise, 0.0) * place.skipped
         _between(self.prog, apart[2], -reach.rise - lack, reach.rise + lack, f"rise {name}")
         if not isinstance(place.heading, float) or not isinstance(stand.heading, float):
@@ -187,7 +188,7 @@ class FootstepProgram:
             return not frame_stands_alone(cone, friction, np.ascontiguousarray(R_WC))
 
         if stand.given is not None:
-            needs: object = float(steep(stand.given.friction, stand.given.R_WC))
+            needs: Any = float(steep(stand.given.friction, stand.given.R_WC))
         else:
             chosen = zip(stand.regions, stand.choice, strict=True)
             needs = sum((b for r, b in chosen if steep(r.friction, r.R_WC)), start=0.0)
@@ -203,7 +204,7 @@ class FootstepProgram:
         """Less reach, or none, while the feet stand on a pair of surfaces where stances have failed."""
         for surfaces, share in self.query.narrowed.items():
             here, there = surfaces if place.effector == 0 else surfaces[::-1]
-            both = 2.0 - place.on(here) - stand.on(there)  # 0 where the pair is chosen
+            both: Any = 2.0 - place.on(here) - stand.on(there)  # 0 where the pair is chosen
             if share <= 0:
                 if not isinstance(both, float):
                     self.prog.AddLinearConstraint(both, 1.0, 2.0)
@@ -216,14 +217,14 @@ class FootstepProgram:
 
     def _start_lack(self, k: int, side: float) -> float:
         """What the start stance lacks to satisfy disc k of the reach: a foot that stays may keep it."""
-        left, right = self.query.start.contacts[:2]
+        left, right = self.query.feet
         foot, stand = (left, right) if side > 0 else (right, left)
         o, radius = self.query.reach.discs(side)[k]
         c, s = np.cos(stand.heading), np.sin(stand.heading)
         apart = foot.p_WC[:2] - stand.p_WC[:2] - [c * o[0] - s * o[1], s * o[0] + c * o[1]]
         return max(float(np.linalg.norm(apart)) - radius, 0.0) + SAME_PLACE
 
-    def _add_stride(self, name: str, place: Place, old: Place, stride: float, free: object) -> None:
+    def _add_stride(self, name: str, place: Place, old: Place, stride: float, free: Any) -> None:
         """|p - p_old| <= stride; contacts that are not made (free >= 1) are not held to it."""
         far = float(np.linalg.norm(np.subtract(*self.query.terrain.extent)))
         _cone(self.prog, [stride + far * free, *(place.p - old.p)], f"stride {name}")
@@ -336,13 +337,13 @@ class FootstepProgram:
         return ContactEstimate(True, self.stances(record.x), record.cost, limited, "", record)
 
 
-def _cone(prog: MathematicalProgram, rows: list[object], name: str) -> None:
+def _cone(prog: MathematicalProgram, rows: list[Any], name: str) -> None:
     """rows[0] >= |rows[1:]|."""
     expressions = np.array([Expression(r) if not isinstance(r, Expression) else r for r in rows])
     prog.AddLorentzConeConstraint(expressions).evaluator().set_description(name)
 
 
-def _between(prog: MathematicalProgram, value: object, low: object, high: object, name: str) -> None:
+def _between(prog: MathematicalProgram, value: Any, low: Any, high: Any, name: str) -> None:
     """low <= value <= high, all of them linear expressions or numbers."""
     for expression in (value - low, high - value):
         prog.AddLinearConstraint(expression, 0.0, np.inf).evaluator().set_description(name)

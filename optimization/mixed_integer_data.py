@@ -10,6 +10,7 @@ s.t.  lower <= x <= upper,  row_lower <= A x <= row_upper,  A_j x_j + b_j in a s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -166,7 +167,7 @@ def read_program(prog: object) -> MixedIntegerData:
     )
 
 
-def build_program(data: MixedIntegerData) -> tuple[object, np.ndarray]:
+def build_program(data: MixedIntegerData) -> tuple[Any, np.ndarray]:
     """A MathematicalProgram with these numbers, and its (n,) variables in the same order."""
     from pydrake.solvers import MathematicalProgram
 
@@ -175,7 +176,7 @@ def build_program(data: MixedIntegerData) -> tuple[object, np.ndarray]:
         [prog.NewBinaryVariables(1)[0] if b else prog.NewContinuousVariables(1, "x")[0] for b in data.binary], object
     )
     prog.AddBoundingBoxConstraint(data.lower, data.upper, x)
-    for k in range(data.A.shape[0]):
+    for k in range(len(data.row_lower)):
         row = slice(data.A.indptr[k], data.A.indptr[k + 1])
         prog.AddLinearConstraint(
             data.A.data[row][None], data.row_lower[k : k + 1], data.row_upper[k : k + 1], x[data.A.indices[row]]
@@ -189,14 +190,14 @@ def build_program(data: MixedIntegerData) -> tuple[object, np.ndarray]:
     return prog, x
 
 
-def _rows(prog: object, n: int) -> tuple[sp.csr_matrix, np.ndarray, np.ndarray, tuple[str, ...]]:
+def _rows(prog: Any, n: int) -> tuple[sp.csr_matrix, np.ndarray, np.ndarray, tuple[str, ...]]:
     entries: list[np.ndarray] = []
     columns: list[np.ndarray] = []
     counts, low, high, names = [0], [], [], []
     for binding in (*prog.linear_constraints(), *prog.linear_equality_constraints()):
         e, index = binding.evaluator(), np.asarray(prog.FindDecisionVariableIndices(binding.variables()))
         A = sp.csr_matrix(e.get_sparse_A())
-        for k in range(A.shape[0]):
+        for k in range(len(e.lower_bound())):
             row = slice(A.indptr[k], A.indptr[k + 1])
             entries.append(A.data[row])
             columns.append(index[A.indices[row]])
@@ -211,7 +212,7 @@ def _rows(prog: object, n: int) -> tuple[sp.csr_matrix, np.ndarray, np.ndarray, 
     return matrix, np.array(low), np.array(high), tuple(names)
 
 
-def _cone(binding: object, at: object, rotated: bool) -> ConeTerm:
+def _cone(binding: Any, at: Any, rotated: bool) -> ConeTerm:
     e = binding.evaluator()
     A = e.A()
     dense = np.asarray(A.toarray() if sp.issparse(A) else A, float)

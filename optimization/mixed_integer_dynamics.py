@@ -275,7 +275,7 @@ class ContactDynamicsProgram:
                     f"product {q} {name}"
                 )
         self.prog.AddLinearCost(np.full(12, self.dynamics.tight * self.dynamics.dt), 0.0, PQ.ravel())
-        return PQ
+        return np.asarray(PQ)
 
     def _add_costs(self) -> None:
         w, dt = self.dynamics, self.dynamics.dt

@@ -302,10 +302,13 @@ class _Worker:
         root = str(Path(__file__).resolve().parents[1])
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, (root, environment.get("PYTHONPATH", ""))))
         self._errors: IO[bytes] = tempfile.TemporaryFile()
-        self._process = subprocess.Popen(
+        self._process: subprocess.Popen[bytes] = subprocess.Popen(
             [sys.executable, "-m", "optimization.mixed_integer_worker"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, env=environment,
         )  # fmt: skip
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._frames: IO[bytes] = self._process.stdout
         try:
             self._process.stdin.write(pickle.dumps(self._job))
             self._process.stdin.close()
@@ -317,12 +320,12 @@ class _Worker:
         if self._status is None:
             self._process.kill()
             self._reap()
-        self._process.stdout.close()
+        self._frames.close()
         self._errors.close()
 
     def frames(self, limit: float, stop: Callable[[], bool] | None) -> Iterator[tuple[Any, ...]]:
         """What the worker says until it ends, `limit` (perf_counter) passes or `stop` says so; then it is gone."""
-        pipe, buffer = self._process.stdout.fileno(), b""
+        pipe, buffer = self._frames.fileno(), b""
         while True:
             while len(buffer) >= 8 and len(buffer) >= 8 + (size := struct.unpack("<q", buffer[:8])[0]):
                 frame, buffer = buffer[8 : 8 + size], buffer[8 + size :]

@@ -69,6 +69,12 @@ class Foothold:
     q: np.ndarray
 
     @property
+    def placed(self) -> FootholdRegion:
+        """The region of a vertex that is not the start."""
+        assert self.region is not None
+        return self.region
+
+    @property
     def mean(self) -> tuple[np.ndarray, np.ndarray]:
         """(2, d) and (2,): the mean of the feet in the plan view is A x + b."""
         return 0.5 * (self.P + self.Q)[:2], 0.5 * (self.p + self.q)[:2]
