@@ -246,7 +246,7 @@ class MotionFrames:
         if not self.setting.feedback:
             return first, self._settle()
         self._feed_spin_back()
-        return first, *alternate(self._settle, self._feed_spin_back, iterations=ITERATIONS - 1, agreement=AGREEMENT)
+        return first, *alternate(self._settle, self._feed_spin_back, lambda gap: gap.within(AGREEMENT), ITERATIONS - 1)
 
     def _measure(self) -> MomentumGap:
         """The frames as they are, each made by itself: their momenta once they are smooth."""

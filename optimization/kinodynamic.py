@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from optimization.alternation import alternate
 from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_options import CentroidalOptions
@@ -169,31 +170,37 @@ class KinodynamicProgram:
             InputError: arrays of the wrong shape or not finite.
         """
         problem = self._checked(problem)
-        options = self.options
         targets, links = self._targets(problem), self._links(problem)
+        first = self._dynamics(problem, None, None)
+        if first.trajectory is None or not first.feasible:
+            return self._answer(problem, targets, first, None, [], f"dynamics: {first.reason}")
+        estimate, motion, reason = first, None, ""
         gaps: list[MomentumGap] = []
-        motion: TrackedMotion | None = None
-        estimate: CentroidalEstimate | None = None
-        reason = "no iterations"
-        for _ in range(options.iterations):
-            following = self._dynamics(problem, motion, estimate)
-            if following.trajectory is None or (not following.feasible and motion is None):
-                return self._answer(problem, targets, following, motion, gaps, f"dynamics: {following.reason}")
-            estimate = following
-            trajectory = estimate.trajectory
-            assert trajectory is not None
-            motion = self._kinematics(problem, targets, links, trajectory, motion)
-            gaps.append(knot_gap(trajectory, motion))
-            if not estimate.feasible:
-                reason = f"dynamics: {estimate.reason}"
-            elif not gaps[-1].within(options.agreement):
-                reason = f"dynamics and kinematics disagree: {gaps[-1]}"
-            else:
-                reason = ""
-                if self._held_error(targets, motion) <= options.contact_tolerance and not options.torque_limits:
-                    break
-            if reason and self._hopeless(gaps):
-                break
+
+        def kinematics() -> MomentumGap:
+            nonlocal motion
+            assert estimate.trajectory is not None
+            motion = self._kinematics(problem, targets, links, estimate.trajectory, motion)
+            gaps.append(knot_gap(estimate.trajectory, motion))
+            return gaps[-1]
+
+        def dynamics() -> bool:
+            nonlocal estimate
+            estimate = self._dynamics(problem, motion, estimate)
+            return estimate.trajectory is not None
+
+        def finished(gap: MomentumGap) -> bool:
+            assert motion is not None
+            if estimate.feasible and gap.within(self.options.agreement):
+                held = self._held_error(targets, motion) <= self.options.contact_tolerance
+                return held and not self.options.torque_limits
+            return self._hopeless(gaps)
+
+        alternate(kinematics, dynamics, finished, self.options.iterations)
+        if not estimate.feasible:
+            reason = f"dynamics: {estimate.reason}"
+        elif not gaps[-1].within(self.options.agreement):
+            reason = f"dynamics and kinematics disagree: {gaps[-1]}"
         return self._answer(problem, targets, estimate, motion, gaps, reason)
 
     def _hopeless(self, gaps: list[MomentumGap]) -> bool:
