@@ -37,7 +37,7 @@ class TrainingOptions:
     batch: int = 256
     rate: float = 1e-3
     decay: float = 1e-2
-    jitter: float = 0.1
+    jitter: float = 0.2
     members: int = 1
     logit_weight: float = 1.0
     seed: int = 0

@@ -1,0 +1,85 @@
+"""The weights that come with drakeplan: whole, small, quick, and right about what anyone can see."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from drakeplan.bench.surrogate import expansion
+from learning.surrogate import DynamicsSurrogate, load_surrogate
+from learning.transition_batch import TransitionBatch
+from learning.weights import PRETRAINED
+from optimization.transition_dynamics import TransitionDynamics
+from scenes.contact import Contact, contact_pose
+from scenes.robot import load_robot
+from scenes.stance import Stance
+
+UP = np.array([0.0, 0.0, 1.0])
+BUDGET = 8e-6  # [s] a transition, classifier and regressor together
+
+
+@pytest.fixture(scope="module")
+def surrogate() -> DynamicsSurrogate:
+    return load_surrogate("escher")
+
+
+def foot(effector: str, x: float, y: float) -> Contact:
+    return Contact(effector, 0, contact_pose(effector, np.array([x, y, 0.0]), UP, 0.0), 0.5)
+
+
+def step(length: float) -> tuple[Stance, Stance]:
+    before = Stance((foot("left_foot", 0.0, 0.1), foot("right_foot", 0.0, -0.1), None, None))
+    return before, before.replace(0, foot("left_foot", length, 0.1))
+
+
+def test_all_weights_together_stay_below_twenty_megabytes() -> None:
+    assert sum(path.stat().st_size for path in PRETRAINED.rglob("*") if path.is_file()) < 20e6
+
+
+def test_the_card_says_what_the_weights_are(surrogate) -> None:
+    card = surrogate.card
+    assert card["robot"] == "escher" and card["data"]["fingerprint"] and card["measured"]["categories"]
+    assert sum(card["rows"]["train"]) > 10_000 and min(card["rows"]["test"]) > 0
+    assert surrogate.threshold.min() > 0.0 and surrogate.threshold.max() <= 0.5
+
+
+def test_an_ordinary_step_is_feasible_and_ends_over_the_feet(surrogate) -> None:
+    pairs, com = [step(length) for length in (0.1, 0.2, 0.3)], np.tile([0.0, 0.0, 0.95], (3, 1))
+    says = surrogate.predict(TransitionBatch.from_stances(pairs, com, np.zeros((3, 3))))
+    assert says.feasible.all() and not says.far.any()
+    means = np.array([after.feet_mean() for _, after in pairs])
+    assert np.abs(says.com - means)[:, :2].max() <= 0.121  # the program's box
+
+
+def test_it_agrees_with_the_exact_program_on_ordinary_steps(surrogate) -> None:
+    robot = load_robot("escher")
+    exact = TransitionDynamics(robot)
+    for length in (0.1, 0.25):
+        before, after = step(length)
+        com, velocity = np.array([0.0, -0.02, 0.95]), np.array([0.05, 0.0, 0.0])
+        truth = exact.estimate(before, after, com, robot.mass * velocity)
+        says = surrogate.predict(TransitionBatch.from_stances([(before, after)], com[None], velocity[None]))
+        assert truth.feasible and says.feasible[0]
+        assert np.linalg.norm(says.com[0] - exact.final_state(truth)[0]) < 0.06
+        assert np.linalg.norm(says.velocity[0] - exact.final_state(truth)[1]) < 0.15
+
+
+def test_what_the_robot_cannot_do_is_refused_or_handed_on(surrogate) -> None:
+    """A stride of two metres, a CoM that has fallen over, a robot thrown at 3 m/s."""
+    pairs = [step(2.0), step(0.2), step(0.2)]
+    com = np.array([[0.0, 0, 0.95], [1.0, 0, 0.4], [0, 0, 0.95]])
+    says = surrogate.predict(TransitionBatch.from_stances(pairs, com, np.array([[0, 0, 0], [0, 0, 0], [3.0, 0, 0]])))
+    assert (says.far | ~says.feasible).all() and says.far.any()
+
+
+def test_an_expansion_is_answered_in_the_time_of_a_search(surrogate) -> None:
+    for n, categories in ((40, 1), (40, 3), (80, 3)):
+        _, arguments = expansion(n, categories)
+        spent = []
+        for _ in range(300):
+            start = time.perf_counter()
+            surrogate.predict(TransitionBatch.of_children(*arguments))
+            spent.append(time.perf_counter() - start)
+        assert min(spent) / n < BUDGET
