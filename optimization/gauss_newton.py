@@ -16,6 +16,7 @@ from optimization.solvers import ConvexSolver, SolveRecord
 
 STEPS = (1.0, 0.5, 0.25, 0.1)  # of the line search
 SUFFICIENT = 1e-4  # a step must bring this part of the decrease that the convex program foresees
+GOOD = 0.1  # a step with this part of it is not searched any further
 SHRINK = 0.25  # of the greatest change of the trusted variables after a failed line search
 LEAST_RADIUS = 1e-4
 STANDSTILL = 0.9  # of a merit that a hopeless violation makes: it need not be known any better
@@ -161,14 +162,19 @@ def _hopeless(before: Point, point: Point, foreseen: float, least: float) -> boo
 def _search(
     model: SequentialModel[PointT], start: PointT, end: PointT | None, foreseen: float
 ) -> tuple[PointT | None, float]:
-    """The first point on the way to `end` that brings enough of the merit foreseen there, and how far it lies.
+    """A point on the way to `end` that brings enough of the merit foreseen there, and how far it lies.
 
+    The first with a good part of it; else, lest the iteration goes to and fro between two points, the best of all.
     None where there is none.
     """
     if end is None:
         return None, 0.0
+    best: tuple[PointT | None, float] = None, 0.0
     for step in STEPS:
         candidate = end if step == 1.0 else model.between(start, end, step)
-        if candidate.merit < start.merit - SUFFICIENT * step * max(start.merit - foreseen, 0.0):
+        hoped = step * max(start.merit - foreseen, 0.0)
+        if candidate.merit < start.merit - GOOD * hoped:
             return candidate, step
-    return None, 0.0
+        if candidate.merit < (start.merit - SUFFICIENT * hoped if best[0] is None else best[0].merit):
+            best = candidate, step
+    return best

@@ -138,7 +138,7 @@ class UpdatableProgram:
     def _variables(self) -> np.ndarray:
         """Drake's variables; asking for them takes as long as solving a small program."""
         if len(self._known) != self.num_vars:
-            self._known = self._prog.decision_variables()
+            self._known = np.asarray(self._prog.decision_variables())
         return self._known
 
     def add_variables(self, name: str, count: int, width: int) -> tuple[np.ndarray, np.ndarray]:

@@ -36,7 +36,7 @@ def available() -> bool:
     if importlib.util.find_spec("crocoddyl") is None or importlib.util.find_spec("casadi") is None:
         return False
     try:
-        import crocoddyl  # noqa: F401
+        import crocoddyl  # noqa: F401  # pyright: ignore[reportMissingImports]
     except (ImportError, OSError):  # pragma: no cover - a broken wheel
         return False
     return True
@@ -81,8 +81,9 @@ class _Interval:
         for c, (f, m) in zip(self.held, wrenches, strict=True):
             rate += ca.cross(c.p_WC - com, c.R_WC @ f) / ARM + c.R_WC @ m
         k = x[6:9] + dt * rate
-        effort = [w.linear_momentum**0.5 * mass * v, w.linear_momentum_rate**0.5 * mass * GRAVITY * l_rate]
-        effort += [w.angular_momentum**0.5 * unit * k, w.angular_momentum_rate**0.5 * unit * rate]
+        roots = [np.sqrt(weight) for weight in (w.linear_momentum, w.linear_momentum_rate, w.angular_momentum,
+                                                w.angular_momentum_rate)]  # fmt: skip
+        effort = [roots[0] * mass * v, roots[1] * mass * GRAVITY * l_rate, roots[2] * unit * k, roots[3] * unit * rate]
         limits = self._cones(u)
         for c, (f, m) in zip(self.held, wrenches, strict=True):
             e = EFFECTORS.index(c.effector)
@@ -152,7 +153,7 @@ def solve(problem: CentroidalProblem, options: CentroidalOptions) -> DynamicAnsw
         problem: without references for CoM or angular momentum.
         options: cone `inner`; every interval has a foot in contact.
     """
-    import crocoddyl
+    import crocoddyl  # pyright: ignore[reportMissingImports]
 
     state = crocoddyl.StateVector(9)
 

@@ -82,6 +82,14 @@ def test_where_full_steps_diverge_the_line_search_still_finds_the_root():
     assert outcome.point.x == pytest.approx(0.0, abs=1e-4)
 
 
+def test_where_full_steps_go_to_and_fro_the_way_between_is_searched():
+    # Newton's method on arctan changes sides for ever from |x| = 1.3917: just inside it gains almost nothing a step
+    outcome = run(Residual(np.arctan, lambda x: 1 / (1 + x * x), start=1.3917))
+    assert outcome.converged
+    assert outcome.point.x == pytest.approx(0.0, abs=1e-4)
+    assert len(outcome.records) <= 6
+
+
 def test_the_merit_never_rises():
     model = Residual(lambda x: np.arctan(x) + 0.2 * np.sin(5 * x), lambda x: 1 / (1 + x * x) + np.cos(5 * x), start=3.0)
     run(model)
