@@ -104,7 +104,9 @@ def contact_choices(
     x, y, reach = contact.p_WC[0], contact.p_WC[1], sampling.furthest
     around = near(packed, x - reach, y - reach, x + reach, y + reach)
     turn = sampling.turn if is_foot(contact.effector) else 0.0
-    surfaces = [int(k) for k in around if k < packed.num_surfaces]
+    around = around[around < packed.num_surfaces]
+    outside = np.maximum(np.maximum(packed.low[around] - contact.p_WC, contact.p_WC - packed.high[around]), 0.0)
+    surfaces = [int(k) for k in around[np.linalg.norm(outside, axis=1) <= reach]]
     if cone is not None:
         surfaces = [k for k in surfaces if _carries_alone(contact, packed, k, cone)]
     regions = cover_terrain(packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces)

@@ -225,7 +225,9 @@ def _room(packed: PackedTerrain, k: int, X_WS: np.ndarray, effector: EffectorSpe
     reach = float(np.linalg.norm(body, axis=1).max()) + keep_body + height
     low, high = packed.low[k, :2] - reach, packed.high[k, :2] + reach
     grown = []
-    for j in near(packed, low[0], low[1], high[0], high[1]):
+    around = near(packed, low[0], low[1], high[0], high[1])
+    over = (packed.vertices[around] - X_WS[:3, 3]) @ X_WS[:3, 2]  # padded with copies, which change no bound
+    for j in around[(over.max(axis=1) > COVER_GAP) & (over.min(axis=1) < height)]:
         above = _slab(packed.vertices[j, : packed.count[j]], X_WS, height) if j != k else np.zeros((0, 2))
         if len(above):
             grown.append(convex_hull((above[:, None] - body[None]).reshape(-1, 2)))
