@@ -109,7 +109,9 @@ def contact_choices(
     surfaces = [int(k) for k in around[np.linalg.norm(outside, axis=1) <= reach]]
     if cone is not None:
         surfaces = [k for k in surfaces if _carries_alone(contact, packed, k, cone)]
-    regions = cover_terrain(packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces)
+    regions = cover_terrain(
+        packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces, around=contact.p_WC, reach=reach
+    )
     return regions.where(regions.distance(contact.X_WC) <= sampling.furthest)
 
 

@@ -132,6 +132,8 @@ def cover_terrain(
     heading: float | None = None,
     turn: float = 0.0,
     surfaces: Iterable[int] | None = None,
+    around: np.ndarray | None = None,
+    reach: float = np.inf,
     coarsest: float = COARSEST,
     finest: float = FINEST,
 ) -> ContactRegions:
@@ -147,6 +149,8 @@ def cover_terrain(
             about the normal, as documented: the surface is shrunk by the circle around the patch.
         turn: how far the contact may turn about the normal from there, to either side [rad].
         surfaces: indices of those to cover, None for all.
+        around: (3,) point near which circles are wanted, None for everywhere [m].
+        reach: half width of the square about it, in the plane of each surface, that circles stay in [m].
         coarsest, finest: spacing of the samples, first and last [m].
     """
     index = EFFECTORS.index(effector.name)
@@ -156,7 +160,8 @@ def cover_terrain(
         if not packed.allowed[k, index]:
             continue
         X_WS = _surface_frame(packed, k, effector.name, 0.0 if heading is None else heading)
-        room = _room(packed, k, X_WS, effector, None if heading is None else turn)
+        window = None if around is None else (X_WS[:3, :2].T @ (np.asarray(around) - X_WS[:3, 3]), reach)
+        room = _room(packed, k, X_WS, effector, None if heading is None else turn, window)
         circles = cover_free_space(*room, coarsest, finest)
         X = np.tile(X_WS, (len(circles), 1, 1))
         X[:, :3, 3] += circles[:, :2] @ X_WS[:3, :2].T
@@ -204,11 +209,15 @@ def place_region(packed: PackedTerrain, xyz: np.ndarray, limit: float = np.inf) 
 Room = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]
 
 
-def _room(packed: PackedTerrain, k: int, X_WS: np.ndarray, effector: EffectorSpec, turn: float | None) -> Room:
+def _room(
+    packed: PackedTerrain, k: int, X_WS: np.ndarray, effector: EffectorSpec, turn: float | None,
+    window: tuple[np.ndarray, float] | None = None,
+) -> Room:  # fmt: skip
     """What bounds the end effector's centre on a surface, in the plane of X_WS, for `circle_cover`.
 
     Half planes n . x <= c (the outline, shrunk by the patch), polygons that it may not enter (what stands above the
-    surface, grown by the patch and what the foot needs beyond it), and a distance to keep from those.
+    surface, grown by the patch and what the foot needs beyond it), and a distance to keep from those. A window, a point of
+    the plane and the half width of the square about it [m], adds half planes.
     """
     hx, hy = effector.half_extent
     front, back, side = effector.overhang
@@ -227,7 +236,12 @@ def _room(packed: PackedTerrain, k: int, X_WS: np.ndarray, effector: EffectorSpe
     grown = []
     around = near(packed, low[0], low[1], high[0], high[1])
     over = (packed.vertices[around] - X_WS[:3, 3]) @ X_WS[:3, 2]  # padded with copies, which change no bound
-    for j in around[(over.max(axis=1) > COVER_GAP) & (over.min(axis=1) < height)]:
+    tall = (over.max(axis=1) > COVER_GAP) & (over.min(axis=1) < height)
+    if window is not None:
+        flat = (packed.vertices[around] - X_WS[:3, 3]) @ X_WS[:3, :2] - window[0]
+        most = window[1] + reach
+        tall &= ((flat.min(axis=1) < most) & (flat.max(axis=1) > -most)).all(axis=1)
+    for j in around[tall]:
         above = _slab(packed.vertices[j, : packed.count[j]], X_WS, height) if j != k else np.zeros((0, 2))
         if len(above):
             grown.append(convex_hull((above[:, None] - body[None]).reshape(-1, 2)))
@@ -235,7 +249,11 @@ def _room(packed: PackedTerrain, k: int, X_WS: np.ndarray, effector: EffectorSpe
     blockers = np.zeros((len(grown), int(counts.max(initial=1)), 2))
     for i, g in enumerate(grown):
         blockers[i, : len(g)] = g
-    return np.ascontiguousarray(normals), offsets - inset, blockers, counts, keep_body
+    offsets = offsets - inset
+    if window is not None:
+        square = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+        normals, offsets = np.vstack([normals, square]), np.append(offsets, square @ window[0] + window[1])
+    return np.ascontiguousarray(normals), offsets, blockers, counts, keep_body
 
 
 def _surface_frame(packed: PackedTerrain, k: int, effector: str, heading: float) -> np.ndarray:

@@ -126,6 +126,26 @@ def test_obstacles_keep_their_distance_for_every_rotation() -> None:
     assert (gaps >= regions.radius + np.hypot(0.11, 0.05) - 1e-9).all()
 
 
+def test_a_window_keeps_the_circles_about_a_point_and_covers_as_much_there() -> None:
+    ground = tilted_plate("ground", (0.0, 0.0, 0.0), rectangle(3.0, 3.0), 0.2, 0.1)
+    step = level_plate("step", (0.2, 1.0), (-1.0, 1.0), z=0.2)
+    packed = pack_terrain(terrain_from([ground, step]))
+    point = np.array([0.1, 0.2, 0.05])
+    regions = cover_terrain(packed, FOOT, heading=0.0, surfaces=[0], around=point, reach=0.3)
+    everywhere = cover_terrain(packed, FOOT, heading=0.0, surfaces=[0])
+    local = (regions.X_WR[:, :3, 3] - point) @ regions.X_WR[0, :3, :2]
+    assert (np.abs(local).max(axis=1) + regions.radius).max() <= 0.3 + ATOL
+    x = np.random.default_rng(0).uniform(-0.29, 0.29, (4000, 2))
+    onto = point - ((point - ground.centroid) @ ground.normal) * ground.normal
+    samples = onto + x @ regions.X_WR[0, :3, :2].T
+
+    def held(r: ContactRegions) -> np.ndarray:
+        return (np.linalg.norm(samples[:, None] - r.X_WR[None, :, :3, 3], axis=2) <= r.radius).any(axis=1)
+
+    assert held(regions).mean() > 0.97 * held(everywhere).mean() > 0.1
+    assert not (held(regions) & ~held(everywhere)).mean() > 0.03
+
+
 def test_palms_get_walls_and_feet_get_ground() -> None:
     ground = level_plate("ground", (-0.5, 0.5), (-0.5, 0.5))
     wall = tilted_plate("wall", (0.0, 1.0, 1.5), rectangle(0.4, 0.4), np.pi / 2, 0.0)
