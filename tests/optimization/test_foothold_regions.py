@@ -92,4 +92,4 @@ def test_the_disc_region_holds_every_point_that_takes_a_sole_at_any_heading() ->
         disc = disc_region(surface, number, 0, min(ESCHER.effectors[0].half_extent) - MARGIN)
         for yaw in rng.uniform(-np.pi, np.pi, 3):
             for region in foothold_regions(Terrain((surface,)), ESCHER, 0, (yaw, yaw)):
-                assert (disc.A @ points_of(region, rng, 5).T <= disc.b[:, None] + 1e-9).all()
+                assert (disc.b[:, None] + 1e-9 >= disc.A @ points_of(region, rng, 5).T).all()

@@ -53,7 +53,7 @@ def settings(*backends: Backend, **options) -> MixedIntegerSettings:
     return MixedIntegerSettings(**{"gap": GAP, "time_limit": 30.0, "backends": backends or BACKENDS, **options})
 
 
-@pytest.fixture()
+@pytest.fixture
 def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Makes a backend from the body of a solver `solve(data, time_limit, gap, first_only, tell)`."""
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
