@@ -27,6 +27,7 @@ from scenes.transition_model import transition_model
 
 ESCHER = load_robot("escher")
 SOLVER = "scip" if scip_adapter.available() else "drake"
+WITHIN = 2e-4 if SOLVER == "scip" else 0.011  # Drake's branch and bound stops at 1 %
 TIGHT = MixedIntegerSettings(SOLVER, time_limit=60.0, gap=1e-4)
 
 
@@ -65,14 +66,14 @@ def test_its_relaxation_is_below_and_its_path_above_the_mixed_integer_optimum(nu
     assert graph.feasible == optimum.feasible
     if optimum.feasible:
         assert graph.record.bound <= optimum.cost + 1e-4
-        assert graph.cost >= optimum.cost * (1 - 1e-4) - 1e-5
+        assert graph.cost >= optimum.cost * (1 - WITHIN) - 1e-5
         assert graph.cost <= 1.25 * optimum.cost
 
 
 def test_on_one_floor_the_relaxation_is_the_optimum() -> None:
     q, options = query(FLOOR, Goal((1.0, 0.0, 0.0), 0.1)), FootstepOptions(8)
     optimum, graph = FootstepProgram(q, options).solve(TIGHT), ConvexSetGraph(q, options).solve(TIGHT)
-    assert graph.cost == pytest.approx(optimum.cost, rel=2e-4)
+    assert graph.cost == pytest.approx(optimum.cost, rel=WITHIN)
     assert graph.record.bound == pytest.approx(graph.cost, rel=1e-4)
 
 

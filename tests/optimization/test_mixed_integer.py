@@ -32,6 +32,7 @@ ESCHER = load_robot("escher")
 REACH = step_reach(ESCHER, transition_model())
 SOLVER = "scip" if scip_adapter.available() else "drake"
 EXACT = MixedIntegerSettings(SOLVER, time_limit=60.0, gap=1e-5)
+WITHIN = 2e-4 if SOLVER == "scip" else 0.011  # Drake's branch and bound stops at 1 %
 PATCH = 1e-6  # [m] rounding
 
 
@@ -120,7 +121,7 @@ def test_the_optimum_is_the_cheapest_assignment_of_surfaces(num: int, first: int
     options = FootstepOptions(num, first=first)
     estimate = FootstepProgram(TINY, options).solve(EXACT)
     assert estimate.feasible, estimate.reason
-    assert estimate.cost == pytest.approx(cheapest_by_enumeration(TINY, options), rel=2e-4)
+    assert estimate.cost == pytest.approx(cheapest_by_enumeration(TINY, options), rel=WITHIN)
 
 
 def test_too_few_contacts_are_infeasible_by_enumeration_too() -> None:
@@ -226,7 +227,7 @@ def test_a_forbidden_assignment_is_not_found_again_and_costs_no_less() -> None:
             i: s.contacts[m].surface for i, (m, s) in enumerate(zip(program.movers, second.stances[1:], strict=True))
         }
         assert again != used
-        assert second.cost >= first.cost - 1e-5
+        assert second.cost >= first.cost * (1 - WITHIN)
     with pytest.raises(ValueError):
         program.forbid({})
 
