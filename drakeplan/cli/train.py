@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -47,14 +47,14 @@ class Arguments:
     """whose dynamics the labels are"""
     kind: Literal["shared", "documented"] = "shared"
     """one network for all categories, or a classifier and a regressor for each as documented"""
-    width: int = 256
-    """units of a hidden layer"""
-    depth: int = 3
-    """hidden layers"""
-    epochs: int = 100
-    """passes over the data"""
-    members: int = 1
-    """networks whose answers are averaged (shared only)"""
+    width: int | None = None
+    """units of a hidden layer (default: 192; documented 256)"""
+    depth: int | None = None
+    """hidden layers (default: 3)"""
+    epochs: int | None = None
+    """passes over the data (default: 50; documented 100)"""
+    members: int | None = None
+    """networks whose answers are averaged (shared only) (default: 2)"""
     recall: float = 0.95
     """least share of feasible transitions that the threshold lets through"""
     seed: int = 0
@@ -73,13 +73,12 @@ def run(arguments: Arguments) -> int:
     if find_spec("torch") is None:
         raise InputError("drakeplan train needs torch: pip install 'drakeplan[train]'")
     from learning.labelled_transitions import read_labels
-    from learning.training.options import TrainingOptions
+    from learning.training.options import recommended
     from scenes.robot import load_robot
 
-    options = TrainingOptions(
-        kind=arguments.kind, width=arguments.width, depth=arguments.depth, epochs=arguments.epochs,
-        members=arguments.members, recall=arguments.recall, seed=arguments.seed,
-    )  # fmt: skip
+    given = {name: getattr(arguments, name) for name in ("width", "depth", "epochs", "members")}
+    given = {name: value for name, value in given.items() if value is not None}
+    options = replace(recommended(arguments.kind), recall=arguments.recall, seed=arguments.seed, **given)
     robot = load_robot(arguments.robot)
     labels = read_labels(Path(arguments.data), robot.name)
     from learning.training.recipe import train_dynamics

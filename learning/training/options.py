@@ -16,9 +16,9 @@ class TrainingOptions:
 
     Attributes:
         kind: "documented": Lin et al. 2019 sec. VII as it stands; "shared": one network for all categories.
-        width: of every hidden layer (documented: 256).
-        depth: hidden layers (documented: 3).
-        epochs: passes over the data (documented: 100).
+        width: of every hidden layer.
+        depth: hidden layers.
+        epochs: passes over the data.
         batch: rows of one step.
         rate: greatest learning rate of AdamW; it falls to zero along a cosine.
         decay: weight decay of AdamW.
@@ -51,3 +51,10 @@ class TrainingOptions:
             raise InputError(f"training: recall must lie in (0, 1], got {self.recall}")
         if not (self.rate > 0 and min(self.decay, self.jitter) >= 0 and self.seed >= 0 and self.logit_weight > 0):
             raise InputError("training: rate and logit_weight must be positive; decay, jitter and seed not negative")
+
+
+def recommended(kind: Kind) -> TrainingOptions:
+    """What `drakeplan train` does unless told otherwise: as documented, or as the weights that come with drakeplan."""
+    if kind == "documented":
+        return TrainingOptions(kind="documented", width=256, depth=3, epochs=100)
+    return TrainingOptions(kind="shared", width=192, depth=3, epochs=50, members=2)

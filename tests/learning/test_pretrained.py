@@ -75,7 +75,7 @@ def test_what_the_robot_cannot_do_is_refused_or_handed_on(surrogate) -> None:
 
 
 def test_an_expansion_is_answered_in_the_time_of_a_search(surrogate) -> None:
-    for n, categories in ((40, 1), (40, 3), (80, 3)):
+    for n, categories in ((60, 1), (80, 3)):
         _, arguments = expansion(n, categories)
         spent = []
         for _ in range(300):
