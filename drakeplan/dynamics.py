@@ -18,8 +18,7 @@ from scenes.robot import Robot
 
 # Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes
 # the least effort over the feet, wherever the legs reach.
-# The angular momentum is pulled to that of the motion, which swings its limbs whatever the dynamics say.
-WEIGHTS = CentroidalWeights(com_tracking=2e4, angular_momentum=10.0)
+WEIGHTS = CentroidalWeights(com_tracking=2e4)
 BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
 
 

@@ -29,7 +29,7 @@ NEARBY = 0.15  # share of the swing over which one changes into the other
 GUIDED = (0.0, 0.55)  # shares of a palm's way to its wall between which its curve takes over from the free arm
 AROUND = 0.8  # how far that way bends away from the wall, in heights over the contact
 TOUCH = 0.5  # share of that way over which it then goes from before the wall to the wall
-LATE = 0.15  # of an interval between knots that the CoM's course is played late
+LATE = 0.16  # of an interval between knots that the CoM's course is played late
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
 
