@@ -174,7 +174,7 @@ def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> Shared
         bounds = [tensors.get(f"answer.{name}", np.zeros(0)) for name in ("low", "high")]
         if any(bound.shape != (NUM_REGRESSED,) for bound in bounds):
             raise ValueError(f"answer.low and answer.high must have {NUM_REGRESSED} numbers each")
-        return SharedNetwork(members, *bounds)
+        return SharedNetwork(members, bounds[0], bounds[1])
     if kind != "documented":
         raise ValueError(f"unknown kind of network {kind!r}")
     pairs: dict[str, list[Mlp | None]] = {"classifier": [], "regressor": []}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numba import njit
@@ -55,8 +55,8 @@ class TransitionBatch:
 
     def take(self, rows: np.ndarray) -> TransitionBatch:
         """These rows of it, by index or mask."""
-        arrays = (self.held, self.p, self.R, self.mover, self.makes, self.p_new, self.R_new, self.com, self.velocity)
-        return TransitionBatch(*(a[rows] for a in arrays), None if self.friction is None else self.friction[rows])
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{name: None if a is None else a[rows] for name, a in arrays.items()})
 
     @classmethod
     def from_stances(

@@ -121,8 +121,8 @@ def calibrated(
     extent = fit_training_range(
         data.relative[seen], data.representatives.category[seen], held_out=(data.relative[rows], c.category)
     )
-    as_float32 = [a.astype(np.float32) for a in (scale, offset, np.minimum(threshold, 0.5))]
-    return DynamicsSurrogate(network, *as_float32, extent, friction, card)
+    a, b, line = (array.astype(np.float32) for array in (scale, offset, np.minimum(threshold, 0.5)))
+    return DynamicsSurrogate(network, a, b, line, extent, friction, card)
 
 
 def _check(data: LearningSet) -> None:
