@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from drakeplan.deformation import DeformOptions, DeformResult, deform
     from drakeplan.plan import Plan
     from drakeplan.plan_file import inspect_plan, read_plan, write_plan
     from drakeplan.plan_options import PlanOptions
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from scenes.terrain import Terrain
 
 __all__ = [
+    "DeformOptions",
+    "DeformResult",
     "Goal",
     "InputError",
     "Plan",
@@ -42,6 +45,7 @@ __all__ = [
     "Start",
     "Surface",
     "Terrain",
+    "deform",
     "inspect_plan",
     "list_scenes",
     "load_robot",
@@ -56,6 +60,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "drakeplan.deformation": ("DeformOptions", "DeformResult", "deform"),
     "drakeplan.plan": ("Plan",),
     "drakeplan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
     "drakeplan.plan_options": ("PlanOptions",),

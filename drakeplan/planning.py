@@ -187,7 +187,7 @@ class _Query:
         return self._result("none", self.planner.why_not(), None, None)
 
     def _search(self) -> list[ContactPlan]:
-        """Every incumbent of one round of search, best last."""
+        """The incumbents of one round of search, best last; that one holds together, where dynamics are asked for."""
         first_round = self.record.time_to_first_s is None
         limits = Limits(
             deadline=max(self.options.deadline - self.record.planning_s, 0.0),
@@ -201,8 +201,9 @@ class _Query:
             if self.record.time_to_first_s is None:
                 self.record.time_to_first_s = plan.elapsed
             self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self.clock() - began))
-            if plan.predicted_com is None or self._holds_together(plan):
-                found.append(plan)
+            found.append(plan)
+            if plan.predicted_com is not None and not self._guides:
+                self._holds_together(plan)
         self.record.planning_s += self.clock() - began
         search = self.planner.search
         if isinstance(self.planner, ContactPlanner) and self.planner.dynamic is not None:
@@ -211,10 +212,14 @@ class _Query:
             self.record.expansions += search.expansions
             if search.ended_by != "exhausted":
                 self.record.limits_fired.append(search.ended_by)
+        while found and found[-1].predicted_com is not None and not self._holds_together(found[-1]):
+            found.pop()  # from the last to the first, as the documents do
         return found
 
     def _holds_together(self, plan: ContactPlan) -> bool:
         """Whether transitions that are feasible one by one are so in a row (Lin et al. 2019 sec. VI)."""
+        if plan.stances in self._guides:
+            return True
         self.clock.pause()
         began = time.perf_counter()
         estimate = sequence_dynamics(self.robot, plan.stances, self.options.cone, self.options.timing)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from drakeplan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
 from drakeplan.playback.pushes import PUSH_COLOUR
-from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR
+from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR, PREDICTED_COLOUR, predicted_com
 from scenes.disturbance import PERIOD
 from scenes.scene import Scene
 
@@ -95,6 +95,8 @@ def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
     ]
     if plan.motion is not None:
         shown += [(_css(COM_COLOUR), "centre of mass"), (_css(FORCE_COLOUR), "contact force")]
+    if predicted_com(plan) is not None:
+        shown.append((_css(PREDICTED_COLOUR), "centre of mass as the search predicted it"))
     facts = f"{len(plan.stances)} stances"
     facts += f", {plan.duration:.1f} s" if plan.motion is not None else ", contacts only: no motion was found"
     return _dressed(meshcat_page, [plan.scene_name, plan.robot, facts], [*shown, *_of_scene(scene)], CONTROLS)

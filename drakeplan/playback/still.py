@@ -24,6 +24,7 @@ EFFECTOR_COLOURS = {
     "right_palm": Rgba(0.84, 0.10, 0.74),
 }
 COM_COLOUR = Rgba(0.12, 0.16, 0.42)
+PREDICTED_COLOUR = Rgba(0.80, 0.12, 0.12)  # as in Lin 2020 fig. 6.6, where the optimised path is blue
 GOAL_COLOUR = Rgba(0.96, 0.70, 0.10)
 PATCH = 0.008  # [m] thickness of a contact's patch, the greater part of it above the surface
 
@@ -40,7 +41,20 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
             f"{ROOT}/contacts/outlines", corners.reshape(-1, 3).T, ends.reshape(-1, 3).T, 1.0, Rgba(0.1, 0.1, 0.12)
         )
     if plan.centroidal is not None:
-        _com_path(meshcat, plan.centroidal.com)
+        _com_path(meshcat, "com_path", plan.centroidal.com, COM_COLOUR)
+    predicted = predicted_com(plan)
+    if predicted is not None:
+        _com_path(meshcat, "predicted_com_path", predicted, PREDICTED_COLOUR)
+
+
+def predicted_com(plan: Plan) -> np.ndarray | None:
+    """(n, 3) CoM at each stance as the search predicted it [m]; None where it did not, or where that is no path."""
+    found = plan.provenance.get("predicted_com")
+    try:
+        path = np.array(found, float) if found is not None else np.zeros(0)
+    except (TypeError, ValueError):
+        return None
+    return path if path.ndim == 2 and path.shape[1] == 3 and len(path) > 1 and np.isfinite(path).all() else None
 
 
 def draw_scene(meshcat: Meshcat, scene: Scene, triangles: np.ndarray) -> np.ndarray:
@@ -116,7 +130,7 @@ def _patch_corners(plan: Plan) -> np.ndarray:
     return np.einsum("cij,ckj->cki", X_WC[:, :3, :3], p_CP) + X_WC[:, None, :3, 3]
 
 
-def _com_path(meshcat: Meshcat, com: np.ndarray) -> None:
+def _com_path(meshcat: Meshcat, name: str, com: np.ndarray, colour: Rgba) -> None:
     step = max(1, len(com) // 600)
     path = np.concatenate([com[:-1:step], com[-1:]])
     moved = np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-4
@@ -124,7 +138,7 @@ def _com_path(meshcat: Meshcat, com: np.ndarray) -> None:
     if len(path) < 2:
         return
     vertices, faces = terrain_mesh.tube(path, radius=0.009)
-    meshcat.SetTriangleMesh(f"{ROOT}/com_path", vertices.T, faces.T.astype(np.int32), COM_COLOUR)
+    meshcat.SetTriangleMesh(f"{ROOT}/{name}", vertices.T, faces.T.astype(np.int32), colour)
 
 
 def _goal(meshcat: Meshcat, xyz: np.ndarray, radius: float) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from drakeplan import playback
 from drakeplan.plan import Plan
 from drakeplan.playback import animation, keyframes, terrain_mesh, view
+from drakeplan.playback.still import predicted_com
 from scenes.input_error import InputError
 from scenes.surface import Surface
 
@@ -245,3 +246,14 @@ def test_three_minutes_of_motion_still_fit_into_a_page(strolling_plan: Plan) -> 
     )
     assert longer.duration > 180
     assert len(playback.page_html(longer).encode()) < PAGE_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("said", "drawn"),
+    [([[0, 0, 1], [1, 0, 1]], True), (None, False), ("soon", False), ([[0, 0, float("nan")], [1, 0, 1]], False)],
+)
+def test_a_path_that_the_search_predicted_is_shown_beside_the_optimised_one(
+    strolling_plan: Plan, said: object, drawn: bool
+) -> None:
+    plan = dataclasses.replace(strolling_plan, provenance={"predicted_com": said})
+    assert (predicted_com(plan) is not None) == drawn
