@@ -31,7 +31,7 @@ from scenes.robot import Robot
 from scenes.scene import Goal
 from scenes.transition_model import TransitionModel
 
-State = tuple[int, int, int, int, int]  # left foot, right foot, left palm, right palm, last mover
+State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover
 HeuristicName = Literal["grid", "euclidean", "admissible"]
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
 BLAMED_OUT = 2  # times that contacts near a place are blamed for a motion's failure before it is not used again

@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights
+from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights, State
 from drakeplan.contact_pool import ContactPool
 from drakeplan.dynamic_domain import DynamicDomain, DynamicWeights
 from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
-from drakeplan.search.ana_star import AnaStar, Limits
+from drakeplan.search.ana_star import AnaStar, Domain, Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.timing import Timing
 from drakeplan.transition_check import TransitionCheck
@@ -25,7 +25,6 @@ from scenes.scene import Scene
 from scenes.stance import Stance
 from scenes.transition_model import TransitionModel, transition_model
 
-State = tuple[int, ...]  # of `contact_domain` or `dynamic_domain`; the first five numbers mean the same
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 
 
@@ -140,7 +139,7 @@ class ContactPlanner:
 
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
         """Yields ever cheaper plans until a limit fires; `why_not` explains the lack of one."""
-        domain = self.dynamic or self.domain
+        domain: Domain[State] = self.domain if self.dynamic is None else self.dynamic
         self.search = AnaStar(domain, self._start_state, self.options.epsilon, self.options.seed, limits, clock=clock)
         for found in self.search.run():
             stances = tuple(self._stance(s) for s in found.path)

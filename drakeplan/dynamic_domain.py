@@ -21,7 +21,7 @@ from drakeplan.contact_domain import ContactDomain
 from drakeplan.contact_pool import Held
 from drakeplan.dynamics_evaluator import DynamicsEvaluator
 
-State = tuple[int, int, int, int, int, int]  # left foot, right foot, left palm, right palm, last mover, CoM state
+State = tuple[int, ...]  # six: left foot, right foot, left palm, right palm, last mover, CoM state
 COM_CELL = 0.05  # [m] CoM positions of one stance nearer than this count as one,
 VELOCITY_CELL = 0.1  # [m/s] given velocities nearer than this
 

@@ -1,5 +1,8 @@
 """Which bodies come near each other in which configurations, and the rows that keep them apart."""
 
+# pydrake's stubs read "float64[3, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Iterable

@@ -64,13 +64,12 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
     """The scene with the start, goal and friction that the options ask for."""
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
-        yaw = options.start[2] if len(options.start) > 2 else 0.0
-        start = Start((options.start[0], options.start[1], float("nan")), yaw)  # the ground says how high
+        x, y, *heading = options.start
+        start = Start((x, y, float("nan")), heading[0] if heading else 0.0)  # the ground says how high
     radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
     if options.goal is not None:
-        goal = Goal(
-            (options.goal[0], options.goal[1], float("nan")), radius, options.goal[2] if len(options.goal) > 2 else None
-        )
+        x, y, *heading = options.goal
+        goal = Goal((x, y, float("nan")), radius, heading[0] if heading else None)
     elif goal is not None:
         goal = dataclasses.replace(goal, radius=radius)
     if options.friction is not None:

@@ -123,7 +123,7 @@ def frame_tasks(targets: TrackingTargets) -> FrameTask:
         targets.X_WE, weight, targets.com, targets.com_weight, targets.q_ref, targets.posture_weight, targets.lower,
         targets.upper,
     )  # fmt: skip
-    return FrameTask(*(np.array(array, dtype=float, order="C") for array in arrays), rows, 0, 0)
+    return FrameTask(*(np.array(array, dtype=float, order="C") for array in arrays), rows, 0, 0)  # type: ignore[call-arg]
 
 
 @njit(cache=True)

@@ -27,7 +27,7 @@ def inverse_dynamics(tree: KinematicTree, q: np.ndarray, v: np.ndarray, vdot: np
         vdot: (T, nv), its base part the derivative of (w_WB, v_WB) in W.
     """
     tau = np.empty_like(v, dtype=float)
-    _inverse_dynamics(tree, *(np.array(x, dtype=float, order="C") for x in (q, v, vdot)), tau)
+    _inverse_dynamics(tree, *(np.array(x, dtype=float, order="C") for x in (q, v, vdot)), tau)  # type: ignore[call-arg]
     return tau
 
 

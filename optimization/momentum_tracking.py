@@ -193,7 +193,7 @@ def _links(links: MomentumTargets, num_frames: int, nv: int) -> _Links:
         links.dt, links.momentum, links.weight, links.smooth, links.speed,
         nan if links.v_start is None else links.v_start, nan if links.v_end is None else links.v_end,
     )  # fmt: skip
-    return _Links(*(np.array(array, dtype=float, order="C") for array in arrays), fixed)
+    return _Links(*(np.array(array, dtype=float, order="C") for array in arrays), fixed)  # type: ignore[call-arg]
 
 
 def _step(
@@ -281,7 +281,7 @@ def _assemble(tree: KinematicTree, frames: FrameTask, links: _Links, q: np.ndarr
         cost += _add_accelerations(links, v_last, v, t, before, out)
         v_last[:] = v
     if T > 1:
-        cost += _add_accelerations(links, v_last, links.v_end, T - 1, links.dt[T - 2], out)
+        cost += _add_accelerations(links, v_last, links.v_end, T - 1, links.dt[T - 2], out)  # type: ignore[arg-type]
     return cost
 
 

@@ -83,9 +83,7 @@ class ConvexSolver:
     constraint or variable may be added to the program.
     """
 
-    def __init__(
-        self, prog: MathematicalProgram | UpdatableProgram, settings: SolverSettings | None = None
-    ) -> None:
+    def __init__(self, prog: MathematicalProgram | UpdatableProgram, settings: SolverSettings | None = None) -> None:
         self._host = prog
         self.settings = settings or SolverSettings()
         quadratic = is_quadratic(self.prog)
@@ -114,9 +112,7 @@ class ConvexSolver:
             raise InputError("solver 'piqp' takes linear and quadratic terms only: choose 'clarabel' or a linear cone")
         return asked
 
-    def solve(
-        self, *, costs_changed: bool = True, time_limit: float = np.inf
-    ) -> tuple[np.ndarray | None, SolveRecord]:
+    def solve(self, *, costs_changed: bool = True, time_limit: float = np.inf) -> tuple[np.ndarray | None, SolveRecord]:
         """The (n,) answer, None where it is not finite, and the record of how it came about.
 
         Args:

@@ -52,7 +52,7 @@ def run(options: BenchOptions) -> BenchTable:
             began = time.process_time()
             motions.append((maker.run(stances, lambda event: None), time.process_time() - began))
         row = _row(plant, motions)
-        kept += row[0]
+        kept += bool(row[0])
         rows.append((f"{name} {seed}", found.status == "complete", *row[1:]))
         options.tell("  ".join(str(cell) for cell in rows[-1]))
     columns = (

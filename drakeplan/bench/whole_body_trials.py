@@ -119,9 +119,9 @@ def plan_rows(robot: Robot) -> Iterator[Row]:
             elapsed = time.process_time() - began
         plan = found.plan
         whole = plan is not None and plan.centroidal is not None
-        cost = (
-            effort(robot, planned_schedule(plan), options.cone, plan.centroidal) if plan is not None and whole else NAN
-        )
+        cost = NAN
+        if plan is not None and plan.centroidal is not None:
+            cost = effort(robot, planned_schedule(plan), options.cone, plan.centroidal)  # type: ignore[arg-type]
         formulation = f"whole plan, {'free' if free else 'given'} timing"
         yield _row(formulation, "auto", "inner", SCENE, whole, found.status == "complete", cost=cost, solve=elapsed,
                    memory=memory.rise)  # fmt: skip

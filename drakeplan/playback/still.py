@@ -51,7 +51,7 @@ def predicted_com(plan: Plan) -> np.ndarray | None:
     """(n, 3) CoM at each stance as the search predicted it [m]; None where it did not, or where that is no path."""
     found = plan.provenance.get("predicted_com")
     try:
-        path = np.array(found, float) if found is not None else np.zeros(0)
+        path: np.ndarray = np.array(found, float) if found is not None else np.zeros(0)
     except (TypeError, ValueError):
         return None
     return path if path.ndim == 2 and path.shape[1] == 3 and len(path) > 1 and np.isfinite(path).all() else None
