@@ -52,9 +52,9 @@ clean:
 	@touch $@
 
 .venv/.dev: .venv/.plan
-	$(PIP) -e '.[fast,robots,dev]'
+	$(PIP) -e '.[fast,robots,mip,cluster,peers,dev]'
 	@touch $@
 
 .venv/.train: .venv/.dev
-	$(PIP) -e '.[fast,robots,dev,train]'
+	$(PIP) -e '.[fast,robots,mip,cluster,peers,dev,train]'
 	@touch $@
