@@ -33,6 +33,8 @@ examples:
   drakeplan plan rubble_corridor --seed 3 --out plan.h5 --html plan.html
   drakeplan plan hpp/darpa --start -3.6 0 0 --goal 3.9 0 --out darpa.h5
   drakeplan plan stones.yaml --friction 0.4 --deadline 10 --json
+  drakeplan plan rubble_field --dynamics learned --html plan.html
+  drakeplan plan stairs --planner footsteps
 
 Ctrl-C ends the search and keeps the best plan so far; a second one aborts.
 
@@ -65,7 +67,7 @@ class Arguments:
     """what finds the contacts: our search, mixed-integer programs of footsteps or of contacts with momentum, or a
     graph of convex sets"""
     dynamics: Literal["quasi-static", "exact", "learned"] = "quasi-static"
-    """what the search asks whether a transition is possible"""
+    """what makes a transition possible: balance at rest, networks that learned the momentum program, or that program"""
     shift: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
     """seconds to shift the weight before every transition"""
     swing: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
