@@ -246,7 +246,7 @@ class _Query:
     def _move(self, best: ContactPlan) -> MotionResult:
         self.tell(ProgressEvent("dynamics", f"{len(best.stances)} stances", best.cost, best.bound))
         motion = self.motion.run(best.stances, self.tell)
-        if not motion.ok and best.stances in self._guides:  # where nobody could stand still on the way, speed may do
+        if motion.centroidal is None and best.stances in self._guides:  # nobody stands still on that way; who moves may
             guided = self.motion.run(best.stances, self.tell, self._guides[best.stances])
             motion = min(guided, motion, key=lambda m: (not m.ok, m.centroidal is None, len(m.problems)))
         self.record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
