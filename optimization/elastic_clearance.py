@@ -15,6 +15,7 @@ from numba import njit
 
 from optimization.body_capsules import BodyCapsules, closest_on_segments
 from optimization.kinematic_tree import KinematicTree, point_jacobian
+from optimization.terrain_clearance import may_touch, over_polygon, place
 from scenes.packed_terrain import PackedTerrain, near
 
 WITHIN = 0.04  # [m] behind a face: twice the thickness of a plate, since a foot may have come through it
@@ -65,15 +66,15 @@ def close_to_terrain(
         if not counted[s]:
             continue
         link = capsules.link[s]
-        _place(R[link], p[link], capsules.p_LC[s], c)
+        place(R[link], p[link], capsules.p_LC[s], c)
         for i in range(around.shape[0]):
             k = around[i]
-            if not packed.body[k] or not _may_be_close(packed, k, c, capsules.reach[s] + within):
+            if not packed.body[k] or not may_touch(packed, k, c, capsules.reach[s] + within):
                 continue
             nearest, slot = within, -1
             for m in range(capsules.first[s], capsules.first[s + 1]):
-                _place(R[link], p[link], capsules.p_LA[m], a)
-                _place(R[link], p[link], capsules.p_LB[m], b)
+                place(R[link], p[link], capsules.p_LA[m], a)
+                place(R[link], p[link], capsules.p_LB[m], b)
                 distance = axis_to_polygon(packed, k, a, b, point, normal) - capsules.radius[m]
                 if distance >= nearest:
                     continue
@@ -152,28 +153,3 @@ def terrain_row(
     n = rows.normal[k]
     for i in range(row.shape[0]):
         row[i] = n[0] * J[3, i] + n[1] * J[4, i] + n[2] * J[5, i]
-
-
-@njit(cache=True)
-def _place(R: np.ndarray, p: np.ndarray, local: np.ndarray, out: np.ndarray) -> None:
-    for r in range(3):
-        out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
-
-
-@njit(cache=True)
-def _may_be_close(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bool:
-    for r in range(3):
-        if packed.low[k, r] > c[r] + reach or packed.high[k, r] < c[r] - reach:
-            return False
-    n = packed.normal[k]
-    return abs(n[0] * c[0] + n[1] * c[1] + n[2] * c[2] - packed.offset[k]) < reach
-
-
-@njit(cache=True)
-def over_polygon(packed: PackedTerrain, k: int, x: float, y: float, z: float) -> bool:
-    """Whether a point lies straight above or below polygon k, along its normal."""
-    for e in range(packed.count[k]):
-        w = packed.edge_normal[k, e]
-        if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e]:
-            return False
-    return True

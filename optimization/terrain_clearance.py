@@ -42,15 +42,15 @@ def penetration(
         if not counted[s]:
             continue
         link = capsules.link[s]
-        _place(R[link], p[link], capsules.p_LC[s], c)
+        place(R[link], p[link], capsules.p_LC[s], c)
         reach = capsules.reach[s]
         for i in range(around.shape[0]):
             k = around[i]
-            if not packed.body[k] or not _may_touch(packed, k, c, reach):
+            if not packed.body[k] or not may_touch(packed, k, c, reach):
                 continue
             for m in range(capsules.first[s], capsules.first[s + 1]):
-                _place(R[link], p[link], capsules.p_LA[m], a)
-                _place(R[link], p[link], capsules.p_LB[m], b)
+                place(R[link], p[link], capsules.p_LA[m], a)
+                place(R[link], p[link], capsules.p_LB[m], b)
                 deepest = max(deepest, capsules.radius[m] - segment_distance(packed, k, a, b))
     return deepest
 
@@ -63,12 +63,12 @@ def segment_distance(packed: PackedTerrain, k: int, a: np.ndarray, b: np.ndarray
     height_b = n[0] * b[0] + n[1] * b[1] + n[2] * b[2] - packed.offset[k]
     if height_a * height_b < 0.0:
         t = height_a / (height_a - height_b)
-        if _over(packed, k, a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])):
+        if over_polygon(packed, k, a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])):
             return 0.0
     best = np.inf
-    if _over(packed, k, a[0], a[1], a[2]):
+    if over_polygon(packed, k, a[0], a[1], a[2]):
         best = abs(height_a)
-    if _over(packed, k, b[0], b[1], b[2]):
+    if over_polygon(packed, k, b[0], b[1], b[2]):
         best = min(best, abs(height_b))
     count = packed.count[k]
     for e in range(count):
@@ -77,13 +77,15 @@ def segment_distance(packed: PackedTerrain, k: int, a: np.ndarray, b: np.ndarray
 
 
 @njit(cache=True)
-def _place(R: np.ndarray, p: np.ndarray, local: np.ndarray, out: np.ndarray) -> None:
+def place(R: np.ndarray, p: np.ndarray, local: np.ndarray, out: np.ndarray) -> None:
+    """Writes the point `local` of a link at (R, p) in W to `out`, (3,) each [m]."""
     for r in range(3):
         out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
 
 
 @njit(cache=True)
-def _may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bool:
+def may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bool:
+    """Whether polygon k may have a point within `reach` of c (3,), by its box and its plane [m]."""
     for r in range(3):
         if packed.low[k, r] > c[r] + reach or packed.high[k, r] < c[r] - reach:
             return False
@@ -92,8 +94,8 @@ def _may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bo
 
 
 @njit(cache=True)
-def _over(packed: PackedTerrain, k: int, x: float, y: float, z: float) -> bool:
-    """Whether a point lies straight above or below the polygon, along its normal."""
+def over_polygon(packed: PackedTerrain, k: int, x: float, y: float, z: float) -> bool:
+    """Whether a point lies straight above or below polygon k, along its normal."""
     for e in range(packed.count[k]):
         w = packed.edge_normal[k, e]
         if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e]:
