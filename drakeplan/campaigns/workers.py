@@ -8,9 +8,12 @@ import queue
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Protocol
@@ -91,7 +94,8 @@ class LocalWorkers:
     def submit(self, task: Task) -> None:
         """Puts a task in the queue."""
         try:
-            future = self._pool.schedule(timed_task, args=(self.campaign, task), timeout=self.task_timeout)
+            with _without_ctrl_c():  # the first task starts the pool
+                future = self._pool.schedule(timed_task, args=(self.campaign, task), timeout=self.task_timeout)
         except RuntimeError:
             raise _cannot_work() from None
         future.add_done_callback(lambda done: self._ended.put(self._outcome(task, done)))
@@ -155,6 +159,17 @@ def _cannot_work() -> InputError:
         "workers cannot start, or not again: where a script collects, everything in it that runs must stand under "
         "`if __name__ == '__main__':`"
     )
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Threads that start here, and the processes that they start, never get Ctrl-C, not even while they import."""
+    resource_tracker.ensure_running()  # the first call lets signals through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(memory: int) -> None:
