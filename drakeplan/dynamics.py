@@ -24,15 +24,8 @@ BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: wh
 
 def centroidal_options(robot: Robot, cone: str, dt: float) -> CentroidalOptions:
     """The limits of a robot as options of the centroidal program."""
-    return CentroidalOptions(
-        cone=cone,
-        dt=dt,
-        weights=WEIGHTS,
-        com_height=robot.com_height,
-        com_reach=tuple(robot.com_reach.tolist()),
-        force_limit=tuple(robot.force_limit.tolist()),
-        final_half_width=None,  # the last key posture says where the CoM ends
-    )
+    # The last key posture says where the CoM ends.
+    return replace(CentroidalOptions.for_robot(robot, cone), dt=dt, weights=WEIGHTS, final_half_width=None)
 
 
 def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -78,14 +78,8 @@ class CaptureOptions:
 
 def capture_options(robot: Robot, cone: str = DEFAULT_CONE) -> CaptureOptions:
     """The documented times with a robot's limits; it must be at rest at the end, wherever its CoM is then."""
-    centroidal = CentroidalOptions(
-        cone=cone,
-        com_height=robot.com_height,
-        com_reach=tuple(robot.com_reach.tolist()),
-        force_limit=tuple(robot.force_limit.tolist()),
-        final_half_width=None,
-        rest_at_end=True,
-        tolerance=TOLERANCE,
+    centroidal = replace(
+        CentroidalOptions.for_robot(robot, cone), final_half_width=None, rest_at_end=True, tolerance=TOLERANCE
     )
     return CaptureOptions(kinodynamic=KinodynamicOptions(centroidal=centroidal, give_up=GIVE_UP))
 

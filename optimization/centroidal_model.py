@@ -68,18 +68,7 @@ class CentroidalModel:
         program = self.program
         wrench = program.corners.wrench(forces)
         state = program.integrator.integrate(wrench[:, :3], ARM * wrench[:, 3:])
-        z, _ = pressure_residuals(wrench, program.half, ARM, LEAST_PRESSURE_LOAD)
-        x = np.zeros(program.num_vars)
-        for name, value in (
-            ("com", state.com - program.origin),
-            ("v", state.velocity),
-            ("k", state.k / ARM),
-            ("a", state.total_force - UP),
-            ("kdot", state.k_rate / ARM),
-            ("wrench", wrench),
-            ("z", z),
-        ):
-            x[program.index[name]] = value
+        x = program_values(program, wrench, state)
         costs = program.cost_diagonal * (x - program.cost_target) ** 2
         cost, pull = float(costs.sum()), float(costs[program.index["com"]].sum())
         violation = self._violation(state)
@@ -95,3 +84,23 @@ class CentroidalModel:
         np.maximum.at(slack, knot, (np.linalg.norm(state.com[knot] - points, axis=1) - limit) / ARM)
         at_end = np.abs(state.k[-2:]).max() / ARM if program.options.rest_at_end else 0.0
         return float(slack.sum() + at_end)
+
+
+def program_values(program: CentroidalProgram, wrench: np.ndarray, state: CentroidalState) -> np.ndarray:
+    """(n,) values of a program's variables under contact wrenches (J, 6) and the motion that they bring about.
+
+    Corner forces and slacks are left 0: they cost nothing.
+    """
+    z, _ = pressure_residuals(wrench, program.half, ARM, LEAST_PRESSURE_LOAD)
+    x = np.zeros(program.num_vars)
+    for name, value in (
+        ("com", state.com - program.origin),
+        ("v", state.velocity),
+        ("k", state.k / ARM),
+        ("a", state.total_force - UP),
+        ("kdot", state.k_rate / ARM),
+        ("wrench", wrench),
+        ("z", z),
+    ):
+        x[program.index[name]] = value
+    return x

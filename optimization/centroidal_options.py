@@ -9,6 +9,7 @@ import numpy as np
 
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
+from scenes.robot import Robot
 
 GRAVITY = 9.81  # [m/s^2], as in Drake
 REFERENCE_STEP = 0.2  # [s]: the documents sum their cost over knots of 0.2 s; other steps are weighted by dt / 0.2
@@ -115,6 +116,16 @@ class CentroidalOptions:
     tolerance: float = 1e-3
     time_limit: float = 30.0
     explain: bool = True
+
+    @classmethod
+    def for_robot(cls, robot: Robot, cone: str) -> CentroidalOptions:
+        """The defaults with a robot's limits."""
+        return cls(
+            cone=cone,
+            com_height=robot.com_height,
+            com_reach=tuple(robot.com_reach.tolist()),
+            force_limit=tuple(robot.force_limit.tolist()),
+        )
 
     def __post_init__(self) -> None:
         for name in ("dt", "shift_time", "swing_time", "tolerance", "time_limit"):

@@ -19,9 +19,9 @@ from pydrake.solvers import (
 
 from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_cost import cost_terms
-from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY, LEAST_PRESSURE_LOAD, UP
+from optimization.centroidal_model import program_values
+from optimization.centroidal_options import ARM, COST_SCALE, GRAVITY
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.contact_wrench import pressure_residuals
 from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings, worst_violation
 
 # integrated variables, their rate and its factor
@@ -202,19 +202,7 @@ def trajectory_values(program: CentroidalProgram, trajectory: CentroidalTrajecto
     force, moment = program.integrator.wrenches(trajectory, program.problem.mass)
     state = program.integrator.integrate(force, moment)
     wrench = np.concatenate([force, moment / ARM], axis=1)
-    z, _ = pressure_residuals(wrench, program.half, ARM, LEAST_PRESSURE_LOAD)
-    x = np.zeros(program.num_vars)
-    for name, value in (
-        ("com", state.com - program.origin),
-        ("v", state.velocity),
-        ("k", state.k / ARM),
-        ("a", state.total_force - UP),
-        ("kdot", state.k_rate / ARM),
-        ("wrench", wrench),
-        ("z", z),
-    ):
-        x[program.index[name]] = value
-    return x
+    return program_values(program, wrench, state)
 
 
 def whole_cost(program: CentroidalProgram, trajectory: CentroidalTrajectory) -> float:

@@ -6,6 +6,7 @@ Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (di
 from __future__ import annotations
 
 from collections.abc import Hashable
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,14 +23,7 @@ from scenes.stance import Stance
 
 def transition_options(robot: Robot, cone: str = DEFAULT_CONE) -> CentroidalOptions:
     """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible."""
-    return CentroidalOptions(
-        cone=cone,
-        com_height=robot.com_height,
-        com_reach=tuple(robot.com_reach.tolist()),
-        force_limit=tuple(robot.force_limit.tolist()),
-        rest_at_end=False,
-        explain=False,
-    )
+    return replace(CentroidalOptions.for_robot(robot, cone), rest_at_end=False, explain=False)
 
 
 class TransitionDynamics:

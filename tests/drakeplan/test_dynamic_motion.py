@@ -12,7 +12,7 @@ from drakeplan.dynamics import Guide
 from drakeplan.motion import MotionMaker, MotionOptions
 from drakeplan.plan_assembly import assemble_plan
 from drakeplan.plan_file import write_plan
-from drakeplan.sequence_dynamics import sequence_dynamics
+from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
 from drakeplan.timing import Timing
 from drakeplan.verifier import verify
 from optimization.friction import cone_index, frame_stands_alone
@@ -28,10 +28,10 @@ TIMING = Timing(0.4, 0.8)
 EDGES = (0.5, 0.5 + LENGTH)  # along the way, where the slope begins and ends
 
 
-def foot(effector: int, way: float) -> Contact:
+def foot(effector: int, way: float, tilt: float = TILT) -> Contact:
     """A foot this far along the way [m], toes ahead."""
     side = 0.1 if effector == 0 else -0.1
-    c, s = np.cos(TILT), np.sin(TILT)
+    c, s = np.cos(tilt), np.sin(tilt)
     on = np.clip(way - EDGES[0], 0.0, LENGTH)
     X_WC = np.eye(4)
     X_WC[:3, 3] = min(way, EDGES[0]) + c * on + max(way - EDGES[1], 0.0), side, -s * on
@@ -41,17 +41,17 @@ def foot(effector: int, way: float) -> Contact:
     return Contact(("left_foot", "right_foot")[effector], surface, X_WC, 0.5)
 
 
-def walk() -> list[Stance]:
+def walk(tilt: float = TILT, step: float = STEP) -> list[Stance]:
     way, mover = 0.2, 0
-    stances = [Stance((foot(0, way), foot(1, way), None, None))]
+    stances = [Stance((foot(0, way, tilt), foot(1, way, tilt), None, None))]
     while way < EDGES[1] + 0.5:
-        way += STEP
+        way += step
         for edge in EDGES:
             if abs(way - edge) < 0.13:
                 way = edge + 0.13
-        stances.append(stances[-1].replace(mover, foot(mover, way)))
+        stances.append(stances[-1].replace(mover, foot(mover, way, tilt)))
         mover = 1 - mover
-    return [*stances, stances[-1].replace(mover, foot(mover, way))]
+    return [*stances, stances[-1].replace(mover, foot(mover, way, tilt))]
 
 
 def test_nobody_stands_on_that_slope() -> None:
@@ -66,6 +66,18 @@ def test_the_guide_passes_through_key_postures_and_keeps_its_shape_between() -> 
     keys = guide.at(key_t) + np.array([[0.0, 0.0, 0.0], [0.01, 0.02, 0.0], [0.0, 0.0, 0.0]])
     np.testing.assert_allclose(guide.through(key_t, keys, key_t), keys, atol=1e-12)
     np.testing.assert_allclose(guide.through(key_t, guide.at(key_t), t), guide.at(t), atol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_published_tilt_of_30_deg_is_possible_under_the_true_cone_for_who_moves_fast() -> None:
+    stances = walk(np.deg2rad(30.0), 0.4)
+    estimate = sequence_dynamics(ROBOT, stances, "second_order", Timing(0.3, 0.6))
+    assert estimate.feasible, estimate.reason
+    force, contact = estimate.trajectory.force_W[:-1], estimate.trajectory.contact[:-1]
+    contacts = sequence_problem(ROBOT, stances, Timing(0.3, 0.6)).schedule.contacts
+    for n, e in zip(*np.nonzero(contact >= 0), strict=True):
+        f = contacts[contact[n, e]].R_WC.T @ force[n, e]
+        assert np.hypot(f[0], f[1]) <= 0.5 * f[2] + 1e-3
 
 
 @pytest.mark.slow
