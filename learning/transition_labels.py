@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-CAMPAIGN, VERSION = "dynamics", 1
+CAMPAIGN, VERSION = "dynamics", 2
 
 
 def _column(name: str, type_: pa.DataType, *, nullable: bool = False) -> pa.Field:

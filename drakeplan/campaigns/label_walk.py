@@ -50,10 +50,10 @@ class Shift:
 # states that are far off: left to itself, a walk with exact dynamics meets an infeasible branch once in a hundred. With
 # palms on both sides it takes the speeds given last to meet as many as without.
 SHIFTS = (
-    Shift("none", 0.25, 0.0, (0.0, 0.0, 0.0)),
+    Shift("none", 0.3, 0.0, (0.0, 0.0, 0.0)),
     Shift("small", 0.25, 0.02, (0.06, 0.06, 0.06)),
-    Shift("large", 0.2, 0.06, (0.3, 0.3, 0.5)),
-    Shift("wild", 0.3, 0.1, (0.8, 1.3, 2.0)),
+    Shift("large", 0.1, 0.06, (0.3, 0.3, 0.5)),
+    Shift("wild", 0.35, 0.1, (0.8, 1.6, 3.0)),
 )
 
 
@@ -67,6 +67,8 @@ class WalkOptions:
         max_states: most states expanded in one environment.
         greedy: probability that a branch is picked for being near the goal rather than at random.
         jump: probability of going on from an older branch instead of a new one.
+        worth: greatest objective of a branch that a walk goes on from. At the planner's weight of 0.1 this one is worth 30
+            steps (Lin 2020 eq. 6.6): a planner goes anywhere else, and what lies behind it are states that it never meets.
         shifts: of CoM and velocity; probabilities add up to 1.
     """
 
@@ -75,6 +77,7 @@ class WalkOptions:
     max_states: int = 120
     greedy: float = 0.5
     jump: float = 0.15
+    worth: float = 1000.0
     shifts: tuple[Shift, ...] = SHIFTS
 
 
@@ -158,10 +161,12 @@ class LabelWalk:
         for expansion in range(options.max_states):
             if not self.missing.any():
                 return
-            if state is None or rng.uniform() < options.jump:
-                state = self._reachable()
-                if state is None:
-                    return
+            if state is not None and rng.uniform() < options.jump:
+                self._open.append(state)
+                state = None
+            state = state or self._reachable()
+            if state is None:
+                return
             here = state
             state, shift = self._shifted(here)
             following = []
@@ -169,7 +174,7 @@ class LabelWalk:
                 estimate = self._judge(state, child)
                 self.missing[category] -= 1
                 yield Label(state, child, category, mirrored, expansion, shift, estimate)
-                if estimate.feasible:
+                if estimate.feasible and estimate.cost <= options.worth:
                     following.append(WalkState(child, *self.dynamics.final_state(estimate)))
             if not following and shift != "none":
                 self._open.append(here)  # a state that was shifted too far may be judged again from elsewhere
