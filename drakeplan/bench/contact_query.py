@@ -3,88 +3,122 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from drakeplan.bench.robustness import COLUMNS, robustness_sums
 from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
-from drakeplan.sequence_dynamics import sequence_dynamics
+from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.robot import Robot
 from scenes.scene import Scene
 from scenes.transition_model import transition_model
 
+NOTHING = float("nan")
 
-@dataclass(frozen=True, eq=False)
-class QueryResult:
-    """What came of one query.
+
+@dataclass(frozen=True)
+class QueryOutcome:
+    """What a query had come to after some seconds of search.
 
     Attributes:
-        plans: contact sequences in the order in which they were found.
-        first_s: seconds until the first of them; NaN where there is none.
-        first_feasible_s: seconds of search and queries until the first that proves dynamically feasible.
+        found: contact sequences.
+        first_s: seconds of search and queries until the first of them; NaN where there is none.
+        first_feasible_s: until the first that proves dynamically feasible; NaN where none does.
         confirm_s: seconds of the program that proved it.
-        chosen: the last that is dynamically feasible, None where none is.
-        tested: sequences whose program was solved until that one was found, from the last to the first.
-        estimate: its dynamics.
-        dynamics_s: seconds of the program that found them.
-        why: why there is none, "" where there is.
+        tested: sequences whose program was solved, from the last to the first, until one was feasible.
+        objective: of the dynamics of that one, which the query returns; NaN where there is none.
+        predicted: sum of its transitions' objectives as the search saw them; NaN where it saw none.
+        palms: whether it makes a palm contact.
+        transitions: in it.
+        robustness: (2, 8) sums and numbers of its samples (`robustness_sums`).
+    """
+
+    found: int = 0
+    first_s: float = NOTHING
+    first_feasible_s: float = NOTHING
+    confirm_s: float = NOTHING
+    tested: int = 0
+    objective: float = NOTHING
+    predicted: float = NOTHING
+    palms: bool = False
+    transitions: int = 0
+    robustness: tuple[tuple[float, ...], ...] = ((0.0,) * len(COLUMNS),) * 2
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the query returns a dynamically feasible sequence."""
+        return bool(np.isfinite(self.objective))
+
+
+class SequenceTrials:
+    """Contact sequences in the order in which they were found; the program of each is solved when asked for, and once.
+
+    Attributes:
+        plans: the sequences.
+        why: why there are none, "" where there are.
         asked: transitions judged, by who answered.
     """
 
-    plans: tuple[ContactPlan, ...]
-    first_s: float
-    first_feasible_s: float
-    confirm_s: float
-    chosen: ContactPlan | None
-    tested: int
-    estimate: CentroidalEstimate | None
-    dynamics_s: float
-    why: str
-    asked: dict[str, int]
+    def __init__(
+        self, robot: Robot, cone: str, plans: Sequence[ContactPlan], why: str = "", asked: dict[str, int] | None = None
+    ) -> None:  # fmt: skip
+        self.robot, self.cone, self.plans = robot, cone, tuple(plans)
+        self.why, self.asked = why, asked or {}
+        self._answers: dict[int, tuple[CentroidalEstimate, float]] = {}
 
-    def palms_used(self) -> bool:
-        """Whether the chosen sequence makes a palm contact."""
-        return self.chosen is not None and self.chosen.palms_used > 0
+    def estimate(self, k: int) -> CentroidalEstimate:
+        """The dynamics of sequence k from rest to rest."""
+        if k not in self._answers:
+            began = time.perf_counter()
+            estimate = sequence_dynamics(self.robot, self.plans[k].stances, self.cone)
+            self._answers[k] = estimate, time.perf_counter() - began
+        return self._answers[k][0]
+
+    def within(self, seconds: float) -> QueryOutcome:
+        """What the search had come to after so many seconds."""
+        found = [k for k, plan in enumerate(self.plans) if plan.elapsed <= seconds]
+        if not found:
+            return QueryOutcome()
+        first_s = self.plans[0].elapsed
+        last = next((k for k in reversed(found) if self.estimate(k).feasible), None)
+        if last is None:
+            return QueryOutcome(len(found), first_s, tested=len(found))
+        first = next(k for k in found if self.estimate(k).feasible)
+        chosen, estimate = self.plans[last], self.estimate(last)
+        assert estimate.trajectory is not None
+        schedule = sequence_problem(self.robot, chosen.stances).schedule
+        sums = robustness_sums(schedule, estimate.trajectory, self.robot.mass, self.robot.half_extents)
+        return QueryOutcome(
+            found=len(found),
+            first_s=first_s,
+            first_feasible_s=self.plans[first].elapsed,
+            confirm_s=self._answers[first][1],
+            tested=len(found) - found.index(last),
+            objective=float(estimate.cost),
+            predicted=NOTHING if chosen.predicted_effort is None else float(chosen.predicted_effort),
+            palms=chosen.palms_used > 0,
+            transitions=len(chosen.stances) - 1,
+            robustness=tuple(tuple(row) for row in sums.tolist()),
+        )
 
 
 def run_query(
-    scene: Scene, robot: Robot, ik: WholeBodyIK, options: ContactPlannerOptions, *, deadline: float, improve: float | None,
-    steps: str | None = None,
-) -> QueryResult:  # fmt: skip
-    """Searches, and solves the dynamics of what was found.
+    scene: Scene, robot: Robot, ik: WholeBodyIK, options: ContactPlannerOptions, *, seconds: float, deadline: float
+) -> SequenceTrials:
+    """Searches for so many seconds; where there is no sequence by then, on until the first or the deadline [s]."""
+    began = time.perf_counter()
+    planner = ContactPlanner(scene, robot, ik, options, transition_model(scene.transition_model or "experiments"))
+    plans: list[ContactPlan] = []
 
-    Args:
-        deadline: of the search [s].
-        improve: seconds of search after the first sequence, None: until the deadline.
-        steps: foot transition model, None for the scene's or the usual one.
-    """
-    model = transition_model(steps or scene.transition_model or "experiments")
-    planner = ContactPlanner(scene, robot, ik, options, model)
-    plans = tuple(planner.plans(Limits(deadline=deadline, improve=improve)))
+    def enough() -> bool:
+        return bool(plans) and time.perf_counter() - began >= seconds
+
+    for plan in planner.plans(Limits(deadline=deadline, stop=enough)):
+        plans.append(plan)
     asked = dict(planner.dynamic.evaluator.asked) if planner.dynamic is not None else {}
-    answers: dict[int, tuple[CentroidalEstimate, float]] = {}
-
-    def solve(k: int) -> CentroidalEstimate:
-        if k not in answers:
-            began = time.perf_counter()
-            answers[k] = sequence_dynamics(robot, plans[k].stances, options.cone), time.perf_counter() - began
-        return answers[k][0]
-
-    last = next((k for k in reversed(range(len(plans))) if solve(k).feasible), None)
-    tested = len(answers)
-    first = next((k for k in range(len(plans)) if solve(k).feasible), None) if last is not None else None
-    why = "" if last is not None else (answers[0][0].reason if plans else planner.why_not())
-    nothing = float("nan")
-    return QueryResult(
-        plans,
-        plans[0].elapsed if plans else nothing,
-        plans[first].elapsed if first is not None else nothing,
-        answers[first][1] if first is not None else nothing,
-        plans[last] if last is not None else None,
-        tested,
-        answers[last][0] if last is not None else None,
-        answers[last][1] if last is not None else nothing,
-        why,
-        asked,
-    )
+    return SequenceTrials(robot, options.cone, plans, "" if plans else planner.why_not(), asked)

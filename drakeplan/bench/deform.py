@@ -7,16 +7,14 @@ Every surface of a scene that a verified plan crosses moves by up to 10 cm and 1
 from __future__ import annotations
 
 import dataclasses
-import json
-import os
 import re
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
+from drakeplan.bench.kept_cases import Case, KeptCases
 from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.deformation import DeformOptions, DeformResult, deform
 from drakeplan.plan import Plan
@@ -31,20 +29,17 @@ SCENES = ("rubble_field", "rubble_corridor")
 PLANS = 5  # verified plans of each scene, seeds 0 to 4; move s deforms that of seed s modulo 5
 TARGET, SECONDS = 0.60, 5.0  # share of what replanning solves, deformation time of each [s]
 DEADLINE = 10.0  # [s] of search from scratch
-RESUME = "DRAKEPLAN_BENCH_RESUME"  # names a file of JSON lines: what stands there is not run again
 
 VARIES = r"( for transition \d+| at [\d.]+ s:| within [\d.]+ m).*"  # the part of a reason that names one case
 
 NO_PLAN = "no plan"  # there is nothing to deform
-
-Case = dict[str, object]
 
 
 def run(options: BenchOptions) -> BenchTable:
     """Moves 0 and up of each scene; with the file that `DRAKEPLAN_BENCH_RESUME` names it goes on where it stopped."""
     robot = load_robot(options.robot)
     cases: dict[str, list[Case]] = {name: [] for name in SCENES}
-    parts = _Parts(robot, Path(os.environ[RESUME]) if os.environ.get(RESUME) else None)
+    parts = _Parts(robot, KeptCases.asked_for())
     for seed in range(options.seeds):
         for name in SCENES:
             case = parts("deform", name, seed) | parts("replan", name, seed)
@@ -73,18 +68,13 @@ def moved_scene(name: str, seed: int) -> tuple[Scene, Scene]:
 class _Parts:
     """The two halves of every case, run once and kept in a file where there is one."""
 
-    def __init__(self, robot: Robot, file: Path | None) -> None:
-        self._robot, self._file = robot, file
-        self._known = _read(file)
+    def __init__(self, robot: Robot, kept: KeptCases) -> None:
+        self._robot, self._kept = robot, kept
         self._plans: dict[tuple[str, int], Plan | None] = {}
 
     def __call__(self, part: str, name: str, seed: int) -> Case:
-        key = part, self._robot.name, name, seed
-        if key not in self._known:
-            found = _run_part(self._plan, self._robot, part, name, seed)
-            self._known[key] = {"part": part, "robot": self._robot.name, "scene": name, "seed": seed} | found
-            _append(self._file, self._known[key])
-        return self._known[key]
+        key = {"bench": "deform", "part": part, "robot": self._robot.name, "scene": name, "seed": seed}
+        return self._kept(key, lambda: _run_part(self._plan, self._robot, part, name, seed))
 
     def _plan(self, name: str, seed: int) -> Plan | None:
         """The verified plan that a move deforms."""
@@ -138,17 +128,3 @@ def _row(name: str, cases: list[Case]) -> tuple[object, ...]:
 def _reasons(name: str, cases: list[Case]) -> list[str]:
     failed = Counter(str(c["deform_reason"]) for c in cases if c["deform"] != "complete")
     return [f"{name}: {count} times {reason}" for reason, count in failed.most_common()]
-
-
-def _read(file: Path | None) -> dict[tuple[str, str, str, int], Case]:
-    if file is None or not file.exists():
-        return {}
-    cases = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
-    return {(c["part"], c["robot"], c["scene"], c["seed"]): c for c in cases}
-
-
-def _append(file: Path | None, case: Case) -> None:
-    if file is not None:
-        cut_off = file.exists() and not file.read_bytes().endswith(b"\n")  # by a kill in the middle of a line
-        with file.open("a", encoding="utf-8") as out:
-            out.write(("\n" if cut_off and file.stat().st_size else "") + json.dumps(case) + "\n")

@@ -1,4 +1,4 @@
-"""How robust a momentum trajectory is: columns (5) to (12) of Lin et al. 2019 fig. 8."""
+"""How robust a momentum trajectory is: columns (5) to (12) of Lin et al. 2019 fig. 8 (Lin 2020 fig. 6.9)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optimization.centroidal_options import GRAVITY
-from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.centroidal_trajectory import LEAST_LOAD, CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
 
 COLUMNS = (
@@ -19,23 +19,38 @@ COLUMNS = (
 def robustness(
     cases: Sequence[tuple[ContactSchedule, CentroidalTrajectory]], mass: float, half_extent: np.ndarray
 ) -> tuple[float, ...]:
-    """Means over all time steps of all trajectories, in the order of `COLUMNS`.
-
-    Contact forces are in units of M g; the root mean square is taken over the contacts of one time step. The distance of
-    a centre of pressure is to the nearest edge of its patch.
+    """Means over all time steps of all trajectories, in the order of `COLUMNS`; NaN without any.
 
     Args:
         cases: contacts and dynamics of each sequence.
         mass: M [kg].
         half_extent: (E, 2) half length and half width of each sole or palm [m].
     """
-    if not cases:
-        return (float("nan"),) * len(COLUMNS)
-    steps = [_steps(schedule, trajectory, mass * GRAVITY, half_extent) for schedule, trajectory in cases]
-    return tuple(float(np.concatenate([s[c] for s in steps]).mean()) for c in range(len(COLUMNS)))
+    sums = [robustness_sums(schedule, trajectory, mass, half_extent) for schedule, trajectory in cases]
+    return pooled_means(np.array(sums).reshape(-1, 2, len(COLUMNS)))
 
 
-def _steps(
+def robustness_sums(
+    schedule: ContactSchedule, trajectory: CentroidalTrajectory, mass: float, half_extent: np.ndarray
+) -> np.ndarray:
+    """(2, 8) sums and numbers of the samples of each of `COLUMNS` in one trajectory.
+
+    The momenta are those at the end of each time step, their rates the changes over it. Contact forces are in units of
+    M g; the root mean square is taken over the contacts of a time step. Torque, lateral force (Lin 2020 eq. 6.4: in the contact
+    frame) and the distance of the centre of pressure to the nearest edge of its patch are samples of one contact in one
+    time step; a contact without load has no centre of pressure.
+    """
+    samples = _samples(schedule, trajectory, mass * GRAVITY, half_extent)
+    return np.array([[s.sum() for s in samples], [len(s) for s in samples]], float)
+
+
+def pooled_means(sums: np.ndarray) -> tuple[float, ...]:
+    """Means over all samples, from (n, 2, 8) sums and numbers of n trajectories."""
+    total, number = np.asarray(sums, float).sum(axis=0)
+    return tuple(float(t / n) if n else float("nan") for t, n in zip(total, number, strict=True))
+
+
+def _samples(
     schedule: ContactSchedule, trajectory: CentroidalTrajectory, weight: float, half_extent: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     dt = np.diff(trajectory.t)[:, None]
@@ -55,5 +70,5 @@ def _steps(
         np.sqrt(square.sum(axis=1) / np.maximum(held.sum(axis=1), 1)),
         np.abs(trajectory.torque_n[knot, effector]),
         np.hypot(force_C[:, 0], force_C[:, 1]),
-        margin,
+        margin[force_C[:, 2] > LEAST_LOAD],
     )

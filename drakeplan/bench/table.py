@@ -46,6 +46,7 @@ class BenchTable:
         columns: headings.
         rows: cells, numbers or text.
         notes: lines below the table.
+        bench: the command that makes it, "" where that has its name.
     """
 
     name: str
@@ -53,14 +54,15 @@ class BenchTable:
     columns: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
     notes: tuple[str, ...] = ()
+    bench: str = ""
 
     def markdown(self) -> str:
         """The table as Markdown, with machine and versions."""
-        head = f"| {' | '.join(self.columns)} |\n|{'---|' * len(self.columns)}\n"
-        body = "".join(f"| {' | '.join(_cell(c) for c in row)} |\n" for row in self.rows)
+        head = f"{_line(self.columns)}|{'---|' * len(self.columns)}\n"
+        body = "".join(_line([_cell(c) for c in row]) for row in self.rows)
         notes = "".join(f"- {note}\n" for note in self.notes)
         where = ", ".join(f"{k} {v}" for k, v in machine().items())
-        return f"### {self.title}\n\n`drakeplan bench {self.name}`: {where}\n\n{head}{body}\n{notes}"
+        return f"### {self.title}\n\n`drakeplan bench {self.bench or self.name}`: {where}\n\n{head}{body}\n{notes}"
 
     def text(self) -> str:
         """The table for a terminal."""
@@ -125,6 +127,11 @@ def write_markdown(table: BenchTable, page: Path) -> None:
     temporary = page.with_suffix(".tmp")
     temporary.write_text(text, encoding="utf-8")
     temporary.replace(page)
+
+
+def _line(cells: Sequence[str]) -> str:
+    """A row of Markdown; a bar inside a cell would end it."""
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |\n"
 
 
 def _cell(value: object) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drakeplan.bench import deform as bench
+from drakeplan.bench.kept_cases import RESUME
 from drakeplan.bench.table import BenchOptions
 from drakeplan.deformation import DeformResult
 from scenes.robot import Robot
@@ -32,7 +33,7 @@ def test_the_share_is_that_of_scenes_which_planning_again_solves(
 ) -> None:
     asked: list[tuple[str, str, int]] = []
     monkeypatch.setattr(bench, "_run_part", lambda *args: fake_part(asked, *args))
-    monkeypatch.setenv(bench.RESUME, str(tmp_path / "cases.jsonl"))
+    monkeypatch.setenv(RESUME, str(tmp_path / "cases.jsonl"))
     bench.run(BenchOptions(seeds=2))
     assert len(asked) == 8
     table = bench.run(BenchOptions(seeds=5))
@@ -48,7 +49,7 @@ def test_a_line_cut_off_by_a_kill_is_run_again(monkeypatch: pytest.MonkeyPatch, 
     asked: list[tuple[str, str, int]] = []
     monkeypatch.setattr(bench, "_run_part", lambda *args: fake_part(asked, *args))
     file = tmp_path / "cases.jsonl"
-    monkeypatch.setenv(bench.RESUME, str(file))
+    monkeypatch.setenv(RESUME, str(file))
     bench.run(BenchOptions(seeds=1))
     file.write_text(file.read_text()[:-20])
     bench.run(BenchOptions(seeds=1))
