@@ -47,7 +47,7 @@ def draw_times(series: Sequence[Series]) -> Figure:
     """Fig. 7: share of queries with a dynamically feasible sequence against time, on the scene of the baselines."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     axes = figure.subplots()
     for s in (s for s in series if s.scene == SCENE and s.asked):
         times = np.sort(list(s.first_s.values()))
@@ -62,7 +62,7 @@ def draw_times(series: Sequence[Series]) -> Figure:
     axes.plot([], [], "k^", label="published: mean and standard deviation")
     axes.set(xscale="log", xlim=(5e-3, 200.0), ylim=(0.0, 1.03), xlabel="time to the first dynamically feasible sequence [s]",
              ylabel=f"share of queries, {SCENE}")  # fmt: skip
-    axes.legend(fontsize=7, loc="lower right")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
     return figure
 
 
