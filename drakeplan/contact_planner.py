@@ -13,11 +13,13 @@ from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeight
 from drakeplan.contact_pool import ContactPool
 from drakeplan.dynamic_domain import DynamicDomain, DynamicWeights
 from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
+from drakeplan.hindsight_domain import GREED, WINDOW, HindsightDomain
 from drakeplan.search.ana_star import AnaStar, Domain, Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.timing import Timing
 from drakeplan.transition_check import TransitionCheck
 from learning.surrogate import DynamicsSurrogate, load_surrogate
+from optimization.tail_dynamics import TailDynamics
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.packed_terrain import pack_terrain
 from scenes.robot import Robot
@@ -42,6 +44,8 @@ class ContactPlannerOptions:
         dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
             centroidal program ("exact"), or for what has learned it ("learned").
         timing: of every transition, where its dynamics are asked for.
+        window: transitions at the end of a path that the exact program is asked about together, once one is popped; 0:
+            each transition on its own from where the one before it ended, all children at once, as documented.
         surrogate: for "learned"; None: the one that comes with drakeplan.
         ask_when_far: whether the exact program answers for transitions that are far from what was learned.
         dynamic_weights: of the edge cost (6.6), where transitions are judged by their dynamics.
@@ -55,6 +59,7 @@ class ContactPlannerOptions:
     use_palms: bool = True
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
+    window: int = WINDOW
     surrogate: DynamicsSurrogate | None = None
     ask_when_far: bool = True
     dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
@@ -124,9 +129,15 @@ class ContactPlanner:
         )  # fmt: skip
         held = tuple(-1 if c is None else self.pool.add_contact(c) for c in self.start.contacts)
         self._start_state: State = (*held, -1)
-        self.dynamic: DynamicDomain | None = None
-        if self.options.dynamics != "quasi-static":
+        self.dynamic: DynamicDomain | HindsightDomain | None = None
+        self._greed = np.inf
+        if self.options.dynamics == "exact" and self.options.window:
+            tails = TailDynamics(robot, self.options.timing.options(robot, self.options.cone))
+            weights, window = self.options.dynamic_weights, self.options.window
+            self.dynamic, self._greed = HindsightDomain(self.domain, tails, weights, window), GREED
+        elif self.options.dynamics != "quasi-static":
             self.dynamic = DynamicDomain(self.domain, self._evaluator(robot), self.options.dynamic_weights)
+        if self.dynamic is not None:
             com = self.start.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
             self._start_state = self.dynamic.start(held, com)
         self.search: AnaStar[State] | None = None
@@ -140,7 +151,9 @@ class ContactPlanner:
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
         """Yields ever cheaper plans until a limit fires; `why_not` explains the lack of one."""
         domain: Domain[State] = self.domain if self.dynamic is None else self.dynamic
-        self.search = AnaStar(domain, self._start_state, self.options.epsilon, self.options.seed, limits, clock=clock)
+        options = self.options
+        self.search = AnaStar(domain, self._start_state, options.epsilon, options.seed, limits, clock=clock)
+        self.search.greed = self._greed
         for found in self.search.run():
             stances = tuple(self._stance(s) for s in found.path)
             bound = found.bound if self.options.heuristic == "admissible" else None

@@ -8,6 +8,9 @@ of its edges confirmed, even when a state is reached again more cheaply later on
 
 Lin 2020 sec. 6.4 adds the epsilon-greedy choice: with probability epsilon any open node is expanded instead, which
 lets the search out of cul-de-sacs and leaves every guarantee as it is.
+
+Costs may come late, as in Lazy Weighted A* (Cohen, Phillips, Likhachev, SoCS 2014): a domain may charge the rest of an edge
+once it is confirmed, and the node then waits its turn at what it really costs.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import heapq
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -42,6 +45,15 @@ class Domain(Protocol[State]):
 
     def confirm(self, parent: State, state: State) -> bool:
         """The expensive check of one edge, asked once the state is about to be expanded."""
+        ...
+
+
+@runtime_checkable
+class LateCosts(Protocol[State]):
+    """A domain that knows the whole cost of an edge only after its check."""
+
+    def late_cost(self, state: State) -> float:
+        """What is added, >= 0, to the cost of the edge by which this state was confirmed."""
         ...
 
 
@@ -88,6 +100,7 @@ class _Node(Generic[State]):
     h: float
     parent: _Node[State] | None
     open: bool = True
+    confirmed: bool = False
 
 
 @dataclass
@@ -105,6 +118,8 @@ class AnaStar(Generic[State]):
         ended_by: "exhausted", "deadline", "expansions", "improve", "cancelled" or "" while it runs.
         best_cost: G, of the best path so far.
         clock: seconds; a caller that works between two paths may pass one that it can stop.
+        greed: weight of the heuristic against the cost so far until there is a first path; by default that cost does
+            not count, as if G were infinite.
     """
 
     domain: Domain[State]
@@ -117,10 +132,14 @@ class AnaStar(Generic[State]):
     ended_by: str = ""
     best_cost: float = np.inf
     clock: Callable[[], float] = time.perf_counter
+    greed: float = np.inf
 
     def __post_init__(self) -> None:
         if not 0 <= self.epsilon < 1:
             raise ValueError(f"epsilon must lie in [0, 1), got {self.epsilon}")
+        if not self.greed > 0:
+            raise ValueError(f"greed must be > 0, got {self.greed}")
+        self._charges = isinstance(self.domain, LateCosts)
         self._rng = np.random.default_rng(self.seed)
         self._heap: list[tuple[float, int, _Node[State]]] = []
         self._counter = 0
@@ -165,13 +184,27 @@ class AnaStar(Generic[State]):
                 return None
             if node.g + node.h >= self.best_cost:
                 continue
-            if node.parent is not None and not self.domain.confirm(node.parent.state, node.state):
-                self.rejected += 1
-                self._next_best(node)
-                continue
+            if node.parent is not None and not node.confirmed:
+                if not self.domain.confirm(node.parent.state, node.state):
+                    self.rejected += 1
+                    self._next_best(node)
+                    continue
+                node.confirmed = True
+                if self._charge(node):
+                    continue
             if self.domain.is_goal(node.state):
                 return node
             self._expand(node)
+
+    def _charge(self, node: _Node[State]) -> bool:
+        """Adds what was not known before to a node's cost; True where that sends it back into OPEN."""
+        late = self.domain.late_cost(node.state) if self._charges else 0.0  # type: ignore[attr-defined]
+        if late <= 0:
+            return False
+        node.g += late
+        node.open = True
+        self._push(node)
+        return True
 
     def _expand(self, node: _Node[State]) -> None:
         self.expansions += 1
@@ -229,7 +262,7 @@ class AnaStar(Generic[State]):
         return None
 
     def _key(self, node: _Node[State]) -> float:
-        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h
+        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.g / self.greed
 
     def _ratio(self, node: _Node[State]) -> float:
         """e(s); infinite where h says that the goal is at hand."""
