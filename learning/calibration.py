@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numba import njit
 from scipy.linalg import solve_triangular
 from scipy.special import expit
 
+from learning.matrix_product import add_product, padded, panels
 from learning.transition_features import NUM_CATEGORIES
 
 _FEATURE_FLOOR = 0.02  # [m, -, m/s] variations smaller than this mean nothing, also where training had none
@@ -114,15 +117,12 @@ class TrainingRange:
     def distance(self, features: np.ndarray, category: np.ndarray) -> np.ndarray:
         """(n,) distances over their limits: far where above 1, infinite where there were no data."""
         out = np.full(len(features), np.inf, np.float32)
-        if len(category) and category[0] >= 0 and (category == category[0]).all():
-            groups: list[tuple[int, np.ndarray | slice]] = [(int(category[0]), slice(None))]
-        else:
-            groups = [(int(k), category == k) for k in np.unique(category[category >= 0])]
-        for k, rows in groups:
-            if self.limit[k] > 0:
-                z = (features[rows] - self.mean[k]) @ self.whitening[k]
-                out[rows] = np.sqrt(np.einsum("ij,ij->i", z, z)) / self.limit[k]
+        _distance(np.ascontiguousarray(features, np.float32), category, self.mean, self._panels, self.limit, out)
         return out
+
+    @cached_property
+    def _panels(self) -> np.ndarray:
+        return np.array([panels(matrix) for matrix in self.whitening])
 
 
 def fit_training_range(
@@ -156,3 +156,40 @@ def fit_training_range(
             others = np.linalg.norm((held_out[0][held_out[1] == k] - mean[k]) @ whitening[k], axis=1)
             limit[k] = max(limit[k], np.quantile(others, share))
     return TrainingRange(mean.astype(np.float32), whitening.astype(np.float32), limit.astype(np.float32))
+
+
+@njit(cache=True)
+def _distance(
+    x: np.ndarray, category: np.ndarray, mean: np.ndarray, whitening: np.ndarray, limit: np.ndarray, out: np.ndarray
+) -> None:
+    """Fills in the distances over their limits, one category after the other; others keep what they hold."""
+    n, d = x.shape
+    rows = np.empty(n, np.int64)
+    for k in range(len(limit)):
+        m = 0
+        for i in range(n):
+            if category[i] == k:
+                rows[m] = i
+                m += 1
+        if m == 0 or not limit[k] > 0:
+            continue
+        offset, z = np.empty((m, d), np.float32), np.zeros((m, padded(d)), np.float32)
+        for i in range(m):
+            for j in range(d):
+                offset[i, j] = x[rows[i], j] - mean[k, j]
+        add_product(offset, whitening[k], 0, d, z)
+        for i in range(m):
+            out[rows[i]] = np.sqrt(_square(z[i])) / limit[k]
+
+
+@njit(cache=True)
+def _square(z: np.ndarray) -> float:
+    """|z|^2, summed in sixteen parts whatever the processor; the length is a multiple of that."""
+    part = np.zeros(16, np.float32)
+    for j in range(0, len(z), 16):
+        for lane in range(16):
+            part[lane] += z[j + lane] * z[j + lane]
+    total = 0.0
+    for lane in range(16):
+        total += part[lane]
+    return total

@@ -1,4 +1,4 @@
-"""Fully connected networks without torch: float32 NumPy, a handful of matrix products for a whole expansion.
+"""Fully connected networks without torch: float32, one thread, a handful of matrix products for a whole expansion.
 
 Two arrangements answer the same question, what the centroidal program would say of a transition:
 
@@ -13,10 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 
+from learning.packed_network import PackedNetwork
 from learning.relative_features import NUM_RELATIVE, RELATIVE_FRAME
 from learning.transition_features import (
     NUM_CATEGORIES,
@@ -74,14 +77,11 @@ class Mlp:
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """(n, outputs) for inputs (n, inputs), float32."""
-        y = x
-        last = len(self.weights) - 1
-        for k, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            y = y @ W
-            y += b
-            if k < last:
-                np.maximum(y, 0.0, out=y)
-        return y if self.skip is None else y + x @ self.skip
+        return self._packed(x)
+
+    @cached_property
+    def _packed(self) -> PackedNetwork:
+        return PackedNetwork.of([self.weights], [self.biases], [self.skip])
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -108,16 +108,15 @@ class SharedNetwork:
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
         """See `TransitionNetwork`."""
-        y = self.members[0](relative)
-        for member in self.members[1:]:
-            y += member(relative)
-        if len(self.members) > 1:
-            y /= len(self.members)
-        regressed = y[:, 1:]
-        np.maximum(regressed, self.low, out=regressed)
-        np.minimum(regressed, self.high, out=regressed)
-        cost = np.exp(y[:, 1]) - COST_OFFSET
-        return NetworkAnswer(y[:, 0], np.maximum(cost, 0.0), c.feet_after + y[:, 2:5], y[:, 5:8])
+        y, n = self._packed(relative), len(relative)
+        logit, cost, com, velocity = np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3))
+        _read(y, self.low, self.high, c.feet_after, logit, cost, com, velocity)
+        return NetworkAnswer(logit, cost, com, velocity)
+
+    @cached_property
+    def _packed(self) -> PackedNetwork:
+        members = self.members
+        return PackedNetwork.of([m.weights for m in members], [m.biases for m in members], [m.skip for m in members])
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +170,8 @@ def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> Shared
         members = tuple(_mlp(f"member{k}", tensors, NUM_RELATIVE, 1 + NUM_REGRESSED) for k in range(count))
         if not members:
             raise ValueError("no member of the network")
+        if any(member.shape != members[0].shape for member in members):
+            raise ValueError(f"members have different widths: {', '.join(str(m.shape) for m in members)}")
         bounds = [tensors.get(f"answer.{name}", np.zeros(0)) for name in ("low", "high")]
         if any(bound.shape != (NUM_REGRESSED,) for bound in bounds):
             raise ValueError(f"answer.low and answer.high must have {NUM_REGRESSED} numbers each")
@@ -210,3 +211,17 @@ def _mlp(prefix: str, tensors: Mapping[str, np.ndarray], inputs: int, outputs: i
     if skip is not None and skip.shape != (inputs, outputs):
         raise ValueError(f"{prefix}.skip has shape {skip.shape}, expected {(inputs, outputs)}")
     return Mlp(tuple(weights), tuple(biases), skip)
+
+
+@njit(cache=True)
+def _read(
+    y: np.ndarray, low: np.ndarray, high: np.ndarray, feet_after: np.ndarray, logit: np.ndarray, cost: np.ndarray,
+    com: np.ndarray, velocity: np.ndarray,
+) -> None:  # fmt: skip
+    """Outputs of the shared network, cut off at the bounds and brought to SI units, into the last four."""
+    for i in range(len(y)):
+        for k in range(NUM_REGRESSED):
+            y[i, 1 + k] = min(max(y[i, 1 + k], low[k]), high[k])
+        logit[i], cost[i] = y[i, 0], max(np.exp(y[i, 1]) - COST_OFFSET, 0.0)
+        for a in range(3):
+            com[i, a], velocity[i, a] = feet_after[i, a] + y[i, 2 + a], y[i, 5 + a]

@@ -24,7 +24,6 @@ from numba import njit
 
 from learning.calibration import TrainingRange
 from learning.network import TransitionNetwork, network_from_tensors, network_tensors
-from learning.one_thread import OneThread
 from learning.relative_features import relative_feature_names, relative_features
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
@@ -98,8 +97,7 @@ class DynamicsSurrogate:
     def predict_canonical(self, c: CanonicalTransitions, relative: np.ndarray) -> TransitionPrediction:
         """The same for representatives and their relative features; friction is not looked at."""
         n = len(c.category)
-        with OneThread():
-            says, distance = self.network.answer(c, relative), self.range.distance(relative, c.category)
+        says, distance = self.network.answer(c, relative), self.range.distance(relative, c.category)
         probability, cost, com, velocity = np.zeros(n), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3))
         feasible, far = np.zeros(n, np.bool_), np.ones(n, np.bool_)
         _finish(

@@ -111,11 +111,11 @@ class TransitionBatch:
         mu = np.zeros(0) if friction is None else np.asarray(friction, float)
         if not _children(p, R, mu, before, after, held, p_held, R_held, mover, makes, p_new, R_new, least):
             raise ValueError("a child must differ from its parent in one end effector")
-        com, velocity = np.asarray(com, float), np.asarray(velocity, float)
+        com_of, velocity_of = np.empty((n, 3)), np.empty((n, 3))
+        com_of[:], velocity_of[:] = com, velocity
         return cls(
-            held, p_held, R_held, mover, makes, p_new, R_new, np.broadcast_to(com, (n, 3)),
-            np.broadcast_to(velocity, (n, 3)), None if friction is None else least,
-        )  # fmt: skip
+            held, p_held, R_held, mover, makes, p_new, R_new, com_of, velocity_of, None if friction is None else least
+        )
 
 
 @njit(cache=True)
