@@ -37,7 +37,8 @@ KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
 SPREAD = 0.06  # [m] distance that arms which hang free keep from everything else in key postures
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
-HALFWAY = 0.45  # share of a swing at which its middle posture is taken
+HALFWAY = 0.45  # share of a phase at which its middle posture is taken
+STRAIGHT = 0.008  # [m] that a CoM halfway between key postures may be off where it only shifts
 FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
 GUIDED = 0.05  # [m] that the CoM may be off a guide, per axis
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -185,26 +186,30 @@ def solve_course(
 ) -> Course:
     """The key postures, and one more in the middle of each swing from contact to contact.
 
-    The latter is solved afresh: what lies between two keys need not bend the knee, nor reach as far as the CoM.
+    The latter is solved afresh: what lies between two keys need not bend the knee, nor reach as far as the CoM. So it is
+    while the CoM shifts, where legs that stand far apart do not let it go straight.
     """
-    moves = [k for k in range(len(swings)) if schedule.kind(k) == MOVE]
-    if not moves:
-        return Course(schedule.boundaries, keys.q, keys.com)
-    num, num_effectors = len(moves), schedule.stance_contact.shape[1]
+    swinging = [2 * k + 1 for k in range(len(swings)) if schedule.kind(k) == MOVE]
+    shifting = [n for n, phase in enumerate(schedule.phases) if phase.mover < 0]
+    middle = swinging + shifting
+    num, num_effectors = len(middle), schedule.stance_contact.shape[1]
     X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
     place, com = np.zeros((num, num_effectors)), np.zeros((num, 3))
     t, q = np.zeros(num), np.zeros((num, len(robot.q_nominal)))
-    for i, k in enumerate(moves):
-        phase = schedule.phases[2 * k + 1]
+    for i, n in enumerate(middle):
+        phase = schedule.phases[n]
         t[i] = phase.start + HALFWAY * (phase.end - phase.start)
-        com[i] = keys.com[2 * k + 1] + HALFWAY * (keys.com[2 * k + 2] - keys.com[2 * k + 1])
+        com[i] = keys.com[n] + HALFWAY * (keys.com[n + 1] - keys.com[n])
         if guide is not None:
             com[i] = guide.through(schedule.boundaries, keys.com, t[i : i + 1])[0]
         for e, c in enumerate(phase.contacts):
             if c >= 0:
                 X_WE[i, e], place[i, e] = schedule.contacts[c].X_WC, HOLD
-        X_WE[i, phase.mover], place[i, phase.mover] = swings[k].poses(np.array([HALFWAY]))[0], FLY[0]
-        feet, heading = _stand(schedule, schedule.stance_contact[[k, k + 1]])
+        if phase.mover >= 0:
+            X_WE[i, phase.mover] = swings[n // 2].poses(np.array([HALFWAY]))[0]
+            place[i, phase.mover] = FLY[0]
+        last = len(schedule.stance_contact) - 1
+        feet, heading = _stand(schedule, schedule.stance_contact[[n // 2, min((n + 1) // 2, last)]])
         q[i] = standing_over(robot.q_nominal, feet, heading)
     tree = ik.kinematics.tree
     turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
@@ -214,10 +219,13 @@ def solve_course(
     )  # fmt: skip
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
     q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), spread).q
-    key_t = np.concatenate([schedule.boundaries, t])
+    reached = np.array([ik.kinematics.com(x) for x in q])
+    needed = np.arange(num) < len(swinging)
+    needed |= np.linalg.norm(reached - com, axis=1) > STRAIGHT
+    key_t = np.concatenate([schedule.boundaries, t[needed]])
     order = np.argsort(key_t)
-    all_com = np.concatenate([keys.com, [ik.kinematics.com(x) for x in q]])
-    return Course(key_t[order], np.concatenate([keys.q, q])[order], all_com[order])
+    all_com = np.concatenate([keys.com, reached[needed]])
+    return Course(key_t[order], np.concatenate([keys.q, q[needed]])[order], all_com[order])
 
 
 def _apart(

@@ -30,6 +30,7 @@ GUIDED = (0.0, 0.55)  # shares of a palm's way to its wall between which its cur
 AROUND = 0.8  # how far that way bends away from the wall, in heights over the contact
 TOUCH = 0.5  # share of that way over which it then goes from before the wall to the wall
 LATE = 0.16  # of an interval between knots that the CoM's course is played late
+MOST_LATE = 0.01  # [m]
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
 
@@ -156,11 +157,14 @@ def smooth_com(knot_t: np.ndarray, knot_com: np.ndarray, t: np.ndarray) -> np.nd
     """(T, 3) twice continuously differentiable course through the knots' CoM, at rest at both ends [m].
 
     The knots' momentum is the mean of the interval before, com[n+1] = com[n] + dt l[n+1] / M, so that a course through
-    the knots has it half an interval early. Played `LATE` of an interval late it lies between the two.
+    the knots has it half an interval early. Played `LATE` of an interval late it lies between the two, but never more than
+    `MOST_LATE` behind the knots, however fast they are.
     """
     if len(knot_t) < 3:
         return np.array([np.interp(t, knot_t, knot_com[:, i]) for i in range(3)]).T
-    late = LATE * (knot_t[1] - knot_t[0])
+    dt = knot_t[1] - knot_t[0]
+    speed = float(np.linalg.norm(np.diff(knot_com, axis=0), axis=1).max()) / dt
+    late = min(LATE * dt, MOST_LATE / max(speed, 1e-9))
     return CubicSpline(knot_t, knot_com, bc_type="clamped")(np.clip(t - late, knot_t[0], knot_t[-1]))
 
 
