@@ -19,6 +19,6 @@ BENCHES = {
     "planners": "search, mixed-integer programs and graph of convex sets: same scenes, seeds, verifier; picture in out/",
     "mixed_integer": "contacts by mixed-integer programs on 14 surfaces: 12, 18, 24 contacts, every solver at hand",
     "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
-    "campaign": "label campaigns: labels per second on one worker and on two",
-    "lin2019": "the experiments of Lin et al. 2019 with learned dynamics: success, robustness, times, prediction",
+    "campaign": "label campaigns: labels per second on one worker and on two, and after a stop half way",
+    "lin2019": "the experiments of Lin et al. 2019, mixed-integer baselines, ablation; pictures in out/",
 }

@@ -38,10 +38,11 @@ class Prediction:
     @property
     def rank_correlation(self) -> float:
         """Spearman's: how well the sum orders sequences, which is all that a search makes of it."""
-        from scipy.stats import spearmanr
+        from scipy.stats import rankdata
 
-        found = spearmanr(self.predicted, self.actual).statistic if len(self.actual) >= LEAST else np.nan
-        return float(found)
+        if len(self.actual) < LEAST:
+            return float("nan")
+        return float(np.corrcoef(rankdata(self.predicted), rankdata(self.actual))[0, 1])
 
     @property
     def relative_error(self) -> float:
@@ -52,14 +53,18 @@ class Prediction:
 
 def predictions(queries: Sequence[Query]) -> list[Prediction]:
     """Of each scene and of both together: the sequences that the learned planner returned."""
-    by_scene = {}
+    by_scene: dict[str, np.ndarray] = {}
     for scene in SCENES:
-        answers = [
-            q.answer for q in of(queries, scene, LEARNED) if q.answer.feasible and np.isfinite(q.answer.predicted)
-        ]
-        by_scene[scene] = np.array([(a.predicted, a.objective) for a in answers]).reshape(-1, 2)
+        answers = [q.answer for q in of(queries, scene, LEARNED) if q.answer.feasible]
+        pairs = [(a.predicted, a.objective) for a in answers if np.isfinite(a.predicted)]
+        by_scene[scene] = np.array(pairs).reshape(-1, 2)
     by_scene["both"] = np.concatenate(list(by_scene.values()))
-    return [Prediction(scene, *pairs.T, *robust_line(*pairs.T)) for scene, pairs in by_scene.items()]
+    return [_prediction(scene, pairs[:, 0], pairs[:, 1]) for scene, pairs in by_scene.items()]
+
+
+def _prediction(scene: str, predicted: np.ndarray, actual: np.ndarray) -> Prediction:
+    slope, intercept = robust_line(predicted, actual)
+    return Prediction(scene, predicted, actual, slope, intercept)
 
 
 def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:

@@ -185,7 +185,8 @@ def invented() -> list[Query]:
         for p, planner in enumerate(PLANNERS):
             for seed in range(3 if planner in MAIN else 2):
                 good = QueryOutcome(
-                    found=3, first_s=0.05, first_feasible_s=0.1 * (p + 1), confirm_s=0.2, tested=1, objective=1000.0 * (p + 1) * (0.9 + 0.1 * seed),
+                    found=3, first_s=0.05, first_feasible_s=0.1 * (p + 1), confirm_s=0.2, tested=1,
+                    objective=1000.0 * (p + 1) * (0.9 + 0.1 * seed),
                     predicted=900.0 + 100 * seed, palms=planner == LEARNED, transitions=11, robustness=sums,
                 )  # fmt: skip
                 late = planner == EXACT
