@@ -21,9 +21,9 @@ NOTES = (
     "(3) sequences whose whole program was solved, from the last to the first, until one was feasible; (4) its objective; (5) to "
     "(12) means over all time steps of all feasible trials, (9) of the root mean square over the contacts of a time step, (10) to "
     "(12) over its contacts, (11) in the contact's frame. With palms: sequences that make a palm contact.",
-    "Published rows: Lin et al. 2019 fig. 8, another robot (30 joints, soles 22 cm long; mass, their width and reaches are not given), other draws of the "
-    "surfaces, IPOPT with a step of 0.2 s. What has the same definition but hangs on the robot: (5) to (8) on its mass and stride, "
-    "(12) on its patches (ours 22 x 10 cm soles and 9 x 9 cm palms, at most 5 and 4.5 cm).",
+    "Published rows: Lin et al. 2019 fig. 8: another robot (30 joints, soles 22 cm long; mass, width of soles and reaches are not "
+    "given), other draws of the surfaces, IPOPT. Definitions, timing and weights are the same; (5) to (8) hang on mass and stride, "
+    "(12) on the patches (ours 22 x 10 cm and 9 x 9 cm: at most 5 and 4.5 cm).",
     f"Search: {SHORT:g} s, or until the first sequence (documents: 30 s), {DEADLINE:g} s at most.",
 )
 
