@@ -42,7 +42,12 @@ class DynamicWeights:
 
 
 class DynamicDomain:
-    """Successors, heuristic, goal and lazy confirmation of states that carry the CoM."""
+    """Successors, heuristic, goal and lazy confirmation of states that carry the CoM.
+
+    Attributes:
+        careful: whether a transition must pass its critical configurations at rest too (Lin 2020 sec. 3.3). Dynamics
+            ask less, but what they alone allow the legs may be unable to follow.
+    """
 
     def __init__(
         self, contacts: ContactDomain, evaluator: DynamicsEvaluator, weights: DynamicWeights | None = None
@@ -50,6 +55,7 @@ class DynamicDomain:
         self.contacts, self.evaluator = contacts, evaluator
         self.weights = weights or DynamicWeights()
         self.rejections = contacts.rejections
+        self.careful = False
         self._com: list[np.ndarray] = []
         self._velocity: list[np.ndarray] = []
         self._number: dict[tuple[object, ...], int] = {}
@@ -105,6 +111,8 @@ class DynamicDomain:
             self.rejections["motion"] += 1
             return False
         reason = self.contacts.check.at_com(state[:4], self._com[state[5]])
+        if self.careful:
+            reason = reason or self.contacts.check.transition(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason

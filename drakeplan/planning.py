@@ -156,6 +156,8 @@ class _Query:
         refused: tuple[str, ContactPlan, Report | None] | None = None
         for _ in range(MAX_REPAIRS + 1):
             found = self._search()
+            if not found and self._careful(False):
+                found = self._search()
             if not found:
                 break
             best = found[-1]
@@ -176,6 +178,8 @@ class _Query:
             if not self._bar(best, motion):
                 break
             self.record.repairs += 1
+            if self.record.repairs == 1:
+                self._careful(True)
         if refused is not None:
             reason, best, verification = refused
             return self._result("contacts", f"contacts found, but {reason}", self._assemble(best, None), verification)
@@ -215,6 +219,14 @@ class _Query:
         while found and found[-1].predicted_com is not None and not self._holds_together(found[-1]):
             found.pop()  # from the last to the first, as the documents do
         return found
+
+    def _careful(self, careful: bool) -> bool:
+        """Has the search ask for posture and balance at rest too, or no longer; whether that is a change."""
+        domain = self.planner.dynamic if isinstance(self.planner, ContactPlanner) else None
+        if domain is None or domain.careful == careful:
+            return False
+        domain.careful = careful
+        return True
 
     def _holds_together(self, plan: ContactPlan) -> bool:
         """Whether transitions that are feasible one by one are so in a row (Lin et al. 2019 sec. VI)."""

@@ -1,9 +1,10 @@
 """Fully connected networks without torch: float32, one thread, a handful of matrix products for a whole expansion.
 
-Two arrangements answer the same question, what the centroidal program would say of a transition:
+These arrangements answer the same question, what the centroidal program would say of a transition:
 
     documented   a classifier and a regressor for each category, 3 x 256 ReLU, documented inputs (Lin et al. 2019 fig. 4)
     shared       one network for all categories on the relative inputs, a linear path beside it, averaged over members
+    palms        three of these, by how many palms are held (`palm_networks.py`)
 
 Normalisation is folded into the first and last layers when weights are written: networks take features as they are and
 answer in SI units.
@@ -11,7 +12,6 @@ answer in SI units.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -20,12 +20,10 @@ import numpy as np
 from numba import njit
 
 from learning.packed_network import PackedNetwork
-from learning.relative_features import NUM_RELATIVE, RELATIVE_FRAME
+from learning.relative_features import RELATIVE_FRAME
 from learning.transition_features import (
-    NUM_CATEGORIES,
     CanonicalTransitions,
     Frame,
-    documented_feature_names,
     documented_features,
 )
 
@@ -144,73 +142,6 @@ class DocumentedNetworks:
             if regressor is not None:
                 regressed[rows] = regressor(x)
         return NetworkAnswer(logit, regressed[:, 0].clip(0.0), regressed[:, 1:4], regressed[:, 4:7])
-
-
-def network_tensors(network: SharedNetwork | DocumentedNetworks) -> dict[str, np.ndarray]:
-    """Every array of it by name."""
-    tensors: dict[str, np.ndarray] = {}
-    for prefix, mlp in _named(network):
-        for k, (W, b) in enumerate(zip(mlp.weights, mlp.biases, strict=True)):
-            tensors[f"{prefix}.{k}.weight"], tensors[f"{prefix}.{k}.bias"] = W, b
-        if mlp.skip is not None:
-            tensors[f"{prefix}.skip"] = mlp.skip
-    if isinstance(network, SharedNetwork):
-        tensors |= {"answer.low": network.low, "answer.high": network.high}
-    return tensors
-
-
-def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> SharedNetwork | DocumentedNetworks:
-    """The inverse of `network_tensors`, for kind "shared" or "documented".
-
-    Raises:
-        ValueError: arrays are missing, have shapes that do not fit each other or this code's features, or another kind.
-    """
-    if kind == "shared":
-        count = len({name.split(".")[0] for name in tensors if name.startswith("member")})
-        members = tuple(_mlp(f"member{k}", tensors, NUM_RELATIVE, 1 + NUM_REGRESSED) for k in range(count))
-        if not members:
-            raise ValueError("no member of the network")
-        if any(member.shape != members[0].shape for member in members):
-            raise ValueError(f"members have different widths: {', '.join(str(m.shape) for m in members)}")
-        bounds = [tensors.get(f"answer.{name}", np.zeros(0)) for name in ("low", "high")]
-        if any(bound.shape != (NUM_REGRESSED,) for bound in bounds):
-            raise ValueError(f"answer.low and answer.high must have {NUM_REGRESSED} numbers each")
-        return SharedNetwork(members, bounds[0], bounds[1])
-    if kind != "documented":
-        raise ValueError(f"unknown kind of network {kind!r}")
-    pairs: dict[str, list[Mlp | None]] = {"classifier": [], "regressor": []}
-    for category in range(NUM_CATEGORIES):
-        inputs = len(documented_feature_names(category))
-        for name, outputs in (("classifier", 1), ("regressor", NUM_REGRESSED)):
-            there = f"{name}{category}.0.weight" in tensors
-            pairs[name].append(_mlp(f"{name}{category}", tensors, inputs, outputs) if there else None)
-    return DocumentedNetworks(tuple(pairs["classifier"]), tuple(pairs["regressor"]))
-
-
-def _named(network: SharedNetwork | DocumentedNetworks) -> list[tuple[str, Mlp]]:
-    if isinstance(network, SharedNetwork):
-        return [(f"member{k}", mlp) for k, mlp in enumerate(network.members)]
-    named = [(f"classifier{k}", mlp) for k, mlp in enumerate(network.classifiers)]
-    named += [(f"regressor{k}", mlp) for k, mlp in enumerate(network.regressors)]
-    return [(name, mlp) for name, mlp in named if mlp is not None]
-
-
-def _mlp(prefix: str, tensors: Mapping[str, np.ndarray], inputs: int, outputs: int) -> Mlp:
-    weights, biases = [], []
-    while f"{prefix}.{len(weights)}.weight" in tensors:
-        name = f"{prefix}.{len(weights)}"
-        W, b = tensors[f"{name}.weight"], tensors.get(f"{name}.bias")
-        width = weights[-1].shape[1] if weights else inputs
-        if W.ndim != 2 or W.shape[0] != width or b is None or b.shape != (W.shape[1],):
-            raise ValueError(f"{name}.weight has shape {W.shape}, expected ({width}, outputs) and a bias as long")
-        weights.append(W)
-        biases.append(b)
-    if not weights or weights[-1].shape[1] != outputs:
-        raise ValueError(f"{prefix} has not {outputs} outputs")
-    skip = tensors.get(f"{prefix}.skip")
-    if skip is not None and skip.shape != (inputs, outputs):
-        raise ValueError(f"{prefix}.skip has shape {skip.shape}, expected {(inputs, outputs)}")
-    return Mlp(tuple(weights), tuple(biases), skip)
 
 
 @njit(cache=True)

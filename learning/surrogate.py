@@ -23,7 +23,8 @@ import numpy as np
 from numba import njit
 
 from learning.calibration import TrainingRange
-from learning.network import TransitionNetwork, network_from_tensors, network_tensors
+from learning.network import TransitionNetwork
+from learning.network_tensors import network_from_tensors, network_tensors
 from learning.relative_features import relative_feature_names, relative_features
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
@@ -109,7 +110,7 @@ class DynamicsSurrogate:
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Every array of it by name, to be written."""
-        arrays = network_tensors(self.network)  # type: ignore[arg-type]
+        arrays = network_tensors(self.network)
         arrays |= {"calibration.scale": self.scale, "calibration.offset": self.offset}
         arrays |= {"calibration.threshold": self.threshold, "calibration.friction": np.array(self.friction)}
         arrays |= {"range.mean": self.range.mean, "range.whitening": self.range.whitening}

@@ -27,7 +27,8 @@ and seed give the same bytes on a CPU.
 
 examples:
   drakeplan train dynamics --data labels --out weights
-  drakeplan train dynamics --data labels --out weights --kind documented --json"""
+  drakeplan train dynamics --data labels --out weights --kind documented --json
+  drakeplan train dynamics --data labels --out curve --learning-curve --epochs 10"""
 
 SURROGATES = ("dynamics",)
 QUIET = 0.5  # [s] between lines on a terminal
@@ -45,20 +46,22 @@ class Arguments:
     """where weights, card, curves and report go"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
     """whose dynamics the labels are"""
-    kind: Literal["shared", "documented"] = "shared"
-    """one network for all categories, or a classifier and a regressor for each as documented"""
+    kind: Literal["palms", "shared", "documented"] = "palms"
+    """one network for each number of palms held, one for all (better with few labels), or a classifier and a regressor for each category as documented"""
     width: int | None = None
-    """units of a hidden layer (default: 192; documented 256)"""
+    """units of a hidden layer (default: 256; shared 192)"""
     depth: int | None = None
     """hidden layers (default: 3)"""
     epochs: int | None = None
-    """passes over the data (default: 50; documented 100)"""
+    """passes over the data (default: 100; shared 50)"""
     members: int | None = None
-    """networks whose answers are averaged (shared only) (default: 2)"""
+    """networks whose answers are averaged, not for documented (default: 1; shared 2)"""
     recall: float = 0.95
     """least share of feasible transitions that the threshold lets through"""
     seed: int = 0
     """of the split, the initial weights and the order of the rows"""
+    learning_curve: bool = False
+    """train on an eighth, a quarter, half and all of the scenes instead, and say what more labels would buy"""
     json: bool = False
     """one JSON object on standard output"""
 
@@ -81,13 +84,19 @@ def run(arguments: Arguments) -> int:
     options = replace(recommended(arguments.kind), recall=arguments.recall, seed=arguments.seed, **given)
     robot = load_robot(arguments.robot)
     labels = read_labels(Path(arguments.data), robot.name)
+    if arguments.learning_curve:
+        from drakeplan.cli.learning_curve import run_learning_curve
+
+        return run_learning_curve(labels, robot, Path(arguments.out), options, _printer(), arguments.json)
     from learning.training.recipe import train_dynamics
 
     try:
         trained = train_dynamics(labels, robot, Path(arguments.out), options, _printer())
     except OSError as error:
         raise InputError(f"--out {arguments.out}: cannot be written ({error.strerror or error})") from None
-    _draw_curves(Path(arguments.out))
+    from drakeplan.cli.training_pictures import draw_training
+
+    draw_training(Path(arguments.out))
     _show(trained, arguments.json)
     return 0
 
@@ -122,32 +131,3 @@ def _show(trained: Trained, as_json: bool) -> None:
         return
     print(trained.report.text())
     print(f"wrote {trained.path}")
-
-
-def _draw_curves(folder: Path) -> None:
-    """Training and validation loss of every network, and the reliability curve, as one picture."""
-    import csv
-    import json
-
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5))
-    with (folder / "curves.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    for name in dict.fromkeys(row["network"] for row in rows):
-        mine = [row for row in rows if row["network"] == name]
-        epochs = [int(row["epoch"]) for row in mine]
-        (line,) = left.plot(epochs, [float(row["training_loss"]) for row in mine], label=name)
-        left.plot(epochs, [float(row["validation_loss"]) for row in mine], "--", color=line.get_color())
-    left.set(xlabel="epoch", ylabel="loss (dashed: scenes held out)", yscale="log")
-    left.legend(fontsize=6, ncol=2)
-    curve = json.loads((folder / "report.json").read_text(encoding="utf-8"))["reliability"]
-    right.plot([0, 1], [0, 1], color="0.8")
-    right.plot(curve["predicted"], curve["observed"], "o-")
-    right.set(xlabel="predicted probability of being feasible", ylabel="observed share", xlim=(0, 1), ylim=(0, 1))
-    figure.tight_layout()
-    figure.savefig(folder / "curves.png", dpi=120)
-    plt.close(figure)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from learning.labelled_transitions import TRAIN, VALIDATION, LearningSet
 from learning.network import COST_OFFSET, Mlp
+from learning.palm_networks import NUM_PALMS, PALMS
 from learning.training.options import TrainingOptions
 from learning.transition_features import (
     documented_feature_names,
@@ -29,6 +30,7 @@ class Lesson:
         x, x_validation: (n, inputs) float32.
         feasible, feasible_validation: (n,) bool.
         y, y_validation: (n, r) regressed outputs in SI units, counted where feasible; r may be 0.
+        worth, worth_validation: (n,) float32 weights of the rows among the regressed outputs; None: all alike.
         classifies: whether the first output is the logit of feasibility.
         positive_first: whether the first regressed output passes through a ReLU (the documented objective).
         skip: whether a linear path runs beside the hidden layers.
@@ -44,6 +46,8 @@ class Lesson:
     feasible_validation: np.ndarray
     y_validation: np.ndarray
     classifies: bool
+    worth: np.ndarray | None = None
+    worth_validation: np.ndarray | None = None
     positive_first: bool = False
     skip: bool = False
     bounded: bool = False
@@ -83,7 +87,8 @@ class Lesson:
         sha = hashlib.sha256(
             repr((self.name, options, self.classifies, self.positive_first, self.skip, self.bounded)).encode()
         )
-        for array in (self.x, self.feasible, self.y, self.x_validation, self.feasible_validation, self.y_validation):
+        arrays = [self.x, self.feasible, self.y, self.x_validation, self.feasible_validation, self.y_validation]
+        for array in arrays + [worth for worth in (self.worth, self.worth_validation) if worth is not None]:
             sha.update(repr((array.shape, array.dtype.str)).encode())
             sha.update(np.ascontiguousarray(array).tobytes())
         return sha.hexdigest()
@@ -92,8 +97,15 @@ class Lesson:
 def lessons(data: LearningSet, options: TrainingOptions) -> list[Lesson]:
     """One lesson for each network of this kind; documented ones only where there is something to learn from."""
     if options.kind == "shared":
-        shared = _shared(data)
-        return [replace(shared, name=f"member{k}") for k in range(options.members)]
+        every = np.ones(len(data.feasible), bool)
+        return [_shared(data, every, f"member{k}", options.dear) for k in range(options.members)]
+    if options.kind == "palms":
+        palms = PALMS[data.representatives.category]
+        return [
+            _shared(data, palms == n, palms_name(n, k), options.dear)
+            for n in range(NUM_PALMS)
+            for k in range(options.members)
+        ]
     made = []
     for category in np.unique(data.representatives.category):
         if len(data.rows(TRAIN, int(category))):
@@ -145,16 +157,22 @@ def with_turned_angles(x: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, n
     return np.concatenate(rows), np.concatenate(origin)
 
 
-def _shared(data: LearningSet) -> Lesson:
+def palms_name(palms: int, member: int) -> str:
+    """Name of a network of kind "palms" in the weight file."""
+    return f"palms{palms}_member{member}"
+
+
+def _shared(data: LearningSet, chosen: np.ndarray, name: str, dear: float) -> Lesson:
+    """Both tasks in one network, for the chosen (n,) rows."""
     y = np.concatenate(
         [np.log(data.cost + COST_OFFSET)[:, None], data.com - data.representatives.feet_after, data.velocity], axis=1
     )  # fmt: skip
     y[~data.feasible] = 0.0
-    train, check = data.rows(TRAIN), data.rows(VALIDATION)
-    y = y.astype(np.float32)
+    y, worth = y.astype(np.float32), (1.0 / (1.0 + data.cost / dear)).astype(np.float32)
+    train, check = (np.flatnonzero((data.part == part) & chosen) for part in (TRAIN, VALIDATION))
     return Lesson(
-        "member0", data.relative[train], data.feasible[train], y[train], data.relative[check], data.feasible[check],
-        y[check], classifies=True, skip=True, bounded=True,
+        name, data.relative[train], data.feasible[train], y[train], data.relative[check], data.feasible[check], y[check],
+        classifies=True, worth=worth[train], worth_validation=worth[check], skip=True, bounded=True,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from scenes.input_error import InputError
 
-Kind = Literal["shared", "documented"]
+Kind = Literal["palms", "shared", "documented"]
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,8 @@ class TrainingOptions:
     """Settings of one training; equal options, data and seed give equal bytes on a CPU.
 
     Attributes:
-        kind: "documented": Lin et al. 2019 sec. VII as it stands; "shared": one network for all categories.
+        kind: "documented": Lin et al. 2019 sec. VII as it stands; "shared": one network for all categories; "palms": one
+            for each number of palms held.
         width: of every hidden layer.
         depth: hidden layers.
         epochs: passes over the data.
@@ -23,9 +24,10 @@ class TrainingOptions:
         rate: greatest learning rate of AdamW; it falls to zero along a cosine.
         decay: weight decay of AdamW.
         jitter: spread of what is added at random to the scaled inputs in every step; a smooth function bears it, and
-            learns to be one (Bishop 1995). "shared" only.
-        members: networks that are averaged ("shared" only).
-        logit_weight: of the feasibility's log loss beside the regression ("shared" only).
+            learns to be one (Bishop 1995). Not "documented", like the next three.
+        members: networks that are averaged.
+        logit_weight: of the feasibility's log loss beside the regression.
+        dear: objective of a transition whose outcome counts half: 1 / (1 + objective / dear). Plans are made of cheap ones.
         seed: of the split by scene, the initial weights and the order of the rows.
         recall: least share of feasible transitions that the threshold (never above 1/2) lets through, on the validation scenes.
     """
@@ -40,6 +42,7 @@ class TrainingOptions:
     jitter: float = 0.2
     members: int = 1
     logit_weight: float = 1.0
+    dear: float = 300.0
     seed: int = 0
     recall: float = 0.95
 
@@ -49,12 +52,21 @@ class TrainingOptions:
                 raise InputError(f"training: {name} must be at least 1, got {getattr(self, name)}")
         if not 0.0 < self.recall <= 1.0:
             raise InputError(f"training: recall must lie in (0, 1], got {self.recall}")
-        if not (self.rate > 0 and min(self.decay, self.jitter) >= 0 and self.seed >= 0 and self.logit_weight > 0):
-            raise InputError("training: rate and logit_weight must be positive; decay, jitter and seed not negative")
+        if not (
+            self.rate > 0
+            and min(self.decay, self.jitter) >= 0
+            and self.seed >= 0
+            and min(self.logit_weight, self.dear) > 0
+        ):
+            raise InputError(
+                "training: rate, logit_weight and dear must be positive; decay, jitter and seed not negative"
+            )
 
 
 def recommended(kind: Kind) -> TrainingOptions:
-    """What `drakeplan train` does unless told otherwise: as documented, or as the weights that come with drakeplan."""
+    """What `drakeplan train` does unless told otherwise; "palms" is how the weights that come with drakeplan were made."""
     if kind == "documented":
         return TrainingOptions(kind="documented", width=256, depth=3, epochs=100)
+    if kind == "palms":
+        return TrainingOptions(kind="palms", width=256, depth=3, epochs=100, jitter=0.1)
     return TrainingOptions(kind="shared", width=192, depth=3, epochs=50, members=2)

@@ -16,7 +16,8 @@ from scipy.special import expit
 from learning.calibration import fit_platt, fit_training_range, threshold_for_recall
 from learning.fit_report import FitReport, fit_report
 from learning.labelled_transitions import TEST, TRAIN, VALIDATION, LabelledTransitions, LearningSet, learning_set
-from learning.network import DocumentedNetworks, Mlp, SharedNetwork
+from learning.network import DocumentedNetworks, Mlp, SharedNetwork, TransitionNetwork
+from learning.palm_networks import NUM_PALMS, PALMS, PalmNetworks
 from learning.relative_features import RELATIVE_FRAME, relative_feature_names
 from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint
 from learning.training.lesson import Lesson, lessons
@@ -81,8 +82,8 @@ def train_dynamics(
     """
     if _parameters(labels).get("robot_model_sha256", robot.model_sha256) != robot.model_sha256:
         raise InputError(f"training data: they are of another model of {robot.name!r} than the one here; collect again")
-    data = learning_set(labels, options.seed, RELATIVE_FRAME if options.kind == "shared" else "heading")
-    _check(data)
+    data = learning_set(labels, options.seed, "heading" if options.kind == "documented" else RELATIVE_FRAME)
+    _check(data, options)
     plan = lessons(data, options)
     taught: dict[str, Taught] = {}
     for number, lesson in enumerate(plan, start=1):
@@ -91,7 +92,7 @@ def train_dynamics(
             tell(Progress(name, number, len(plan), epoch, options.epochs, loss, check))
 
         taught[lesson.name] = teach(lesson, options, out / CHECKPOINTS, told)
-    network = _assemble(options, {name: t.mlp for name, t in taught.items()}, plan[0])
+    network = _assemble(options, {name: t.mlp for name, t in taught.items()}, plan)
     friction = labels.batch.friction if labels.batch.friction is not None else np.array([0.5])
     card = _card(robot, options, data, labels)
     surrogate = calibrated(network, data, options.recall, (float(friction.min()), float(friction.max())), card)
@@ -104,7 +105,7 @@ def train_dynamics(
 
 
 def calibrated(
-    network: SharedNetwork | DocumentedNetworks, data: LearningSet, recall: float, friction: tuple[float, float],
+    network: TransitionNetwork, data: LearningSet, recall: float, friction: tuple[float, float],
     card: dict[str, Any],
 ) -> DynamicsSurrogate:  # fmt: skip
     """The surrogate of a network: probabilities, thresholds and limits from the validation scenes."""
@@ -125,7 +126,7 @@ def calibrated(
     return DynamicsSurrogate(network, a, b, line, extent, friction, card)
 
 
-def _check(data: LearningSet) -> None:
+def _check(data: LearningSet, options: TrainingOptions) -> None:
     if not len(data.feasible):
         raise InputError("training data: no transition of a known category")
     for part, name in ((TRAIN, "train on"), (VALIDATION, "calibrate on"), (TEST, "test on")):
@@ -133,16 +134,28 @@ def _check(data: LearningSet) -> None:
             raise InputError(f"training data: too few scenes, none is left to {name}; collect more")
     if not data.feasible[data.rows(TRAIN)].any():
         raise InputError("training data: no feasible transition among them, so there is no outcome to learn")
+    if options.kind == "palms":
+        learnt = data.rows(TRAIN)
+        palms = PALMS[data.representatives.category[learnt[data.feasible[learnt]]]]
+        if len(np.unique(palms)) < NUM_PALMS:
+            raise InputError(
+                "training data: feasible transitions from stances with no, one and two palms are needed; collect more, or "
+                "train with --kind shared"
+            )
 
 
-def _assemble(options: TrainingOptions, mlps: dict[str, Mlp], first: Lesson) -> SharedNetwork | DocumentedNetworks:
-    if options.kind == "shared":
-        low, high = (bound.astype(np.float32) for bound in first.bounds())
-        return SharedNetwork(tuple(mlps[f"member{k}"] for k in range(options.members)), low, high)
-    every = range(NUM_CATEGORIES)
-    return DocumentedNetworks(
-        tuple(mlps.get(f"classifier{k}") for k in every), tuple(mlps.get(f"regressor{k}") for k in every)
-    )
+def _assemble(options: TrainingOptions, mlps: dict[str, Mlp], plan: list[Lesson]) -> TransitionNetwork:
+    if options.kind == "documented":
+        every = range(NUM_CATEGORIES)
+        return DocumentedNetworks(
+            tuple(mlps.get(f"classifier{k}") for k in every), tuple(mlps.get(f"regressor{k}") for k in every)
+        )
+    shared = []
+    for first in range(0, len(plan), options.members):
+        members = tuple(mlps[lesson.name] for lesson in plan[first : first + options.members])
+        low, high = (bound.astype(np.float32) for bound in plan[first].bounds())
+        shared.append(SharedNetwork(members, low, high))
+    return shared[0] if options.kind == "shared" else PalmNetworks((shared[0], shared[1], shared[2]))
 
 
 def _card(robot: Robot, options: TrainingOptions, data: LearningSet, labels: LabelledTransitions) -> dict[str, Any]:

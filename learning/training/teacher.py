@@ -20,7 +20,7 @@ from learning.training.options import TrainingOptions
 from learning.weights import replace_file
 
 Tell = Callable[[str, int, float, float], None]  # network, epoch, training loss, validation loss
-_HUBER = 1.0  # in standard deviations of the output: beyond it errors count linearly
+_HUBER = 0.1  # in standard deviations of the output: beyond it errors count linearly, as they are reported
 _NEAR_BOUND = 1e-3  # [m] a final CoM this near to its bound lies on it
 _ADAM = ("step", "exp_avg", "exp_avg_sq")
 
@@ -72,10 +72,11 @@ def teach(lesson: Lesson, options: TrainingOptions, folder: Path, tell: Tell) ->
     path = folder / f"{lesson.name}.checkpoint"
     fingerprint = lesson.fingerprint(options)
     curve = _take_up(path, fingerprint, net, optimiser)
-    loss, jitter = _Loss(lesson, options), options.jitter if options.kind == "shared" else 0.0
+    loss, jitter = _Loss(lesson, options), options.jitter if options.kind != "documented" else 0.0
     x = torch.from_numpy(loss.scale_inputs(lesson.x))
     x_check = torch.from_numpy(loss.scale_inputs(lesson.x_validation))
-    y, y_check = loss.answers(lesson.feasible, lesson.y), loss.answers(lesson.feasible_validation, lesson.y_validation)
+    y = loss.answers(lesson.feasible, lesson.y, lesson.worth)
+    y_check = loss.answers(lesson.feasible_validation, lesson.y_validation, lesson.worth_validation)
     for epoch in range(len(curve), options.epochs):
         noise = torch.Generator().manual_seed(_seed(lesson, options) + epoch + 1)
         order = np.random.default_rng([_seed(lesson, options), epoch]).permutation(len(x))
@@ -102,7 +103,7 @@ def teach(lesson: Lesson, options: TrainingOptions, folder: Path, tell: Tell) ->
 
 
 class _Loss:
-    """Log loss of feasibility and Huber loss of the scaled outputs (documented: squared), where feasible."""
+    """Log loss of feasibility, and Huber loss of the scaled outputs (documented: squared) over feasible rows."""
 
     def __init__(self, lesson: Lesson, options: TrainingOptions) -> None:
         self._lesson, self._documented = lesson, options.kind == "documented"
@@ -119,11 +120,16 @@ class _Loss:
     def scale_inputs(self, x: np.ndarray) -> np.ndarray:
         return ((x - self._mean) / self._spread).astype(np.float32)
 
-    def answers(self, feasible: np.ndarray, y: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+    def answers(self, feasible: np.ndarray, y: np.ndarray, worth: np.ndarray | None) -> tuple[torch.Tensor, ...]:
+        """Feasibility, its product with the rows' worth, and scaled outputs."""
         scaled = ((y - self._centre) / self._scale).astype(np.float32)
-        return torch.from_numpy(feasible.astype(np.float32)), torch.from_numpy(scaled)
+        yes = feasible.astype(np.float32)
+        weight = yes if worth is None else yes * worth
+        return torch.from_numpy(yes), torch.from_numpy(weight), torch.from_numpy(scaled)
 
-    def __call__(self, out: torch.Tensor, feasible: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+    def __call__(
+        self, out: torch.Tensor, feasible: torch.Tensor, weight: torch.Tensor, y: torch.Tensor
+    ) -> torch.Tensor:
         value = torch.zeros(())
         first = int(self._lesson.classifies)
         if first:
@@ -143,8 +149,9 @@ class _Loss:
         if self._documented:
             per_row = (error**2).mean(dim=1)
         else:
-            per_row = torch.nn.functional.huber_loss(regressed, y, reduction="none", delta=_HUBER).mean(dim=1)
-        return value + (per_row * feasible).sum() / feasible.sum().clamp(min=1.0)
+            huber = torch.nn.functional.huber_loss(regressed, y, reduction="none", delta=_HUBER)
+            per_row = huber.mean(dim=1) / _HUBER
+        return value + (per_row * weight).sum() / weight.sum().clamp(min=1.0)
 
 
 def _plain(net: _Net) -> Mlp:

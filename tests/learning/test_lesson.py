@@ -57,9 +57,16 @@ def test_the_lessons_of_each_kind(toy_labels) -> None:
     row = np.flatnonzero(one.feasible)[0]
     there = data.rows(TRAIN)[row]
     np.testing.assert_allclose(np.exp(one.y[row, 0]) - COST_OFFSET, data.cost[there], rtol=1e-4)
+    assert one.worth is not None
+    assert one.worth[row] == pytest.approx(1.0 / (1.0 + data.cost[there] / TrainingOptions().dear))
     np.testing.assert_allclose(one.y[row, 1:4] + data.representatives.feet_after[there], data.com[there], atol=1e-5)
     names = [lesson.name for lesson in lessons(data, TrainingOptions(members=3))]
     assert names == ["member0", "member1", "member2"]
+    palms = lessons(learning_set(toy_labels(400)), TrainingOptions(kind="palms", members=2))
+    assert [lesson.name for lesson in palms] == [f"palms{n}_member{k}" for n in (0, 1, 2) for k in (0, 1)]
+    assert sum(len(lesson.x) for lesson in palms[::2]) == len(learning_set(toy_labels(400)).rows(TRAIN))
+    held = palms[2].x[:, [22, 33]]  # left palm, right palm, of transitions that begin with one: brought to the left side
+    assert (held == [1.0, 0.0]).all()
     documented = lessons(learning_set(labels, frame="heading"), TrainingOptions(kind="documented"))
     assert [d.name for d in documented] == ["classifier0", "regressor0", "classifier5", "regressor5"]
     assert documented[1].feasible.all() and not documented[0].feasible.all()
@@ -97,11 +104,11 @@ def test_beyond_a_bound_on_which_the_truth_lies_is_right() -> None:
     y = np.array([[-0.12], [0.12], [0.0], [0.05], [-0.05], [0.02]], np.float32)
     lesson = toy_lesson(x, y)
     loss = _Loss(lesson, TrainingOptions())
-    feasible, scaled = loss.answers(lesson.feasible, lesson.y)
+    feasible, weight, scaled = loss.answers(lesson.feasible, lesson.y, lesson.worth)
 
     def of(shift: list[float]) -> float:
         out = torch.cat([torch.full((6, 1), 50.0), scaled + torch.tensor(shift)[:, None]], dim=1)
-        return float(loss(out, feasible, scaled))
+        return float(loss(out, feasible, weight, scaled))
 
     exact = of([0.0] * 6)
     assert exact == pytest.approx(0.0, abs=1e-6)

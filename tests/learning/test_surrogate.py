@@ -14,7 +14,8 @@ import pytest
 from safetensors.numpy import save
 
 from learning.calibration import fit_training_range
-from learning.network import DocumentedNetworks, Mlp, SharedNetwork, network_from_tensors, network_tensors
+from learning.network import DocumentedNetworks, Mlp, SharedNetwork
+from learning.network_tensors import network_from_tensors, network_tensors
 from learning.relative_features import relative_feature_names, relative_features
 from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint, load_surrogate
 from learning.transition_batch import TransitionBatch

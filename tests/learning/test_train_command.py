@@ -19,7 +19,7 @@ def toy_data(toy_labels, monkeypatch) -> None:
 
 
 @pytest.mark.train
-@pytest.mark.parametrize("kind", ["shared", "documented"])
+@pytest.mark.parametrize("kind", ["palms", "shared", "documented"])
 def test_training_prints_the_table_and_leaves_weights_curves_and_report(kind, toy_data, tmp_path, capsys) -> None:
     out = tmp_path / "weights"
     assert main([*WORDS, "--out", str(out), "--kind", kind]) == 0
