@@ -47,7 +47,7 @@ class Arguments:
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
     """whose dynamics the labels are"""
     kind: Literal["palms", "shared", "documented"] = "palms"
-    """one network for each number of palms held, one for all (better with few labels), or a classifier and a regressor for each category as documented"""
+    """a network for each number of palms held, one for all (for few labels), or two for each category as documented"""
     width: int | None = None
     """units of a hidden layer (default: 256; shared 192)"""
     depth: int | None = None

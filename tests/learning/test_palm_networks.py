@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from scenes.robot import load_robot
 def shared(seed: int) -> SharedNetwork:
     rng = np.random.default_rng(seed)
     widths = (NUM_RELATIVE, 16, 1 + NUM_REGRESSED)
-    weights = tuple(rng.normal(0, 0.1, (m, n)).astype(np.float32) for m, n in zip(widths, widths[1:], strict=False))
+    weights = tuple(rng.normal(0, 0.1, (m, n)).astype(np.float32) for m, n in pairwise(widths))
     biases = tuple(rng.normal(0, 0.1, n).astype(np.float32) for n in widths[1:])
     far = np.full(NUM_REGRESSED, 1e3, np.float32)
     return SharedNetwork((Mlp(weights, biases),), -far, far)
