@@ -24,8 +24,8 @@ from drakeplan.dynamic_domain import COM_CELL, VELOCITY_CELL, DynamicWeights, St
 from drakeplan.dynamics_evaluator import stance_of
 from optimization.tail_dynamics import BodyState, TailDynamics
 
-WINDOW = 3  # transitions
-GREED = 200.0  # of the search until there is a first path: g counts this much less than h
+WINDOW = 5  # transitions
+GREED = 500.0  # of the search until there is a first path: g counts this much less than h
 
 
 @dataclass(eq=False)
