@@ -55,7 +55,11 @@ class PlannerWeights:
 
 
 class ContactDomain:
-    """Successors, heuristic, goal and lazy confirmation of contact states on one terrain."""
+    """Successors, heuristic, goal and lazy confirmation of contact states on one terrain.
+
+    Attributes:
+        max_travel: how far a foot moves in one transition [m]: the robot's usual bound, or the model's longest stride.
+    """
 
     def __init__(
         self, packed: PackedTerrain, robot: Robot, goal: Goal, model: TransitionModel, check: TransitionCheck,
@@ -79,7 +83,8 @@ class ContactDomain:
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
-        self._per_metre = 2.0 + 2.0 * weights.step / robot.max_foot_translation
+        self.max_travel = max(robot.max_foot_translation, float(np.abs(model.steps[:, 0]).max()))
+        self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
 
     # Search protocol -------------------------------------------------------------------------------------------
 
@@ -178,7 +183,7 @@ class ContactDomain:
             return
         p = self.pool.p[numbers]
         travel = np.linalg.norm(p - self.pool.p[old], axis=1)
-        keep = (travel <= self.robot.max_foot_translation) & (numbers != old)
+        keep = (travel <= self.max_travel) & (numbers != old)
         keep &= np.abs(p[:, 2] - self.pool.p[old, 2]) <= 1.5 * self.robot.max_step_height
         yaw = _mean_yaw(self.pool.yaw[numbers], self.pool.yaw[stand])
         for side in (0, 1):

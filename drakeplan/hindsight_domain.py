@@ -74,7 +74,7 @@ class HindsightDomain:
         self._tails: list[_Tail] = []
         self._number: dict[tuple[object, ...], int] = {}
         # A foot that translates by d moves the mean of the feet by d / 2.
-        per_step = 0.5 * contacts.robot.max_foot_translation
+        per_step = 0.5 * contacts.max_travel
         self._per_metre = self.weights.distance + self.weights.step / per_step
 
     def start(self, held: Held, com: np.ndarray) -> State:

@@ -54,7 +54,7 @@ class TransitionModel:
 
 @cache
 def transition_model(name: str = "experiments") -> TransitionModel:
-    """A model that comes with the package: planning (57 steps), training (38), experiments (60), long_stride."""
+    """A model that comes with the package: planning (57 steps), training (38), experiments (60), long_stride, leap_stride."""
     return TransitionModel.read(Path(str(DATA / "foot_transition_models.yaml")), name)
 
 

@@ -10,10 +10,12 @@ from scenes.library import (
     random_surfaces,
     rubble_corridor,
     rubble_field,
+    slippery_slope,
     stairs,
     steep_slope,
     tilted_slab,
     wide_gap,
+    wider_gap,
 )
 from scenes.scene import Scene
 
@@ -23,7 +25,9 @@ NAMED_SCENES: dict[str, Callable[[int], Scene]] = {
     "rubble_field": rubble_field.named,
     "rubble_corridor": rubble_corridor.named,
     "wide_gap": wide_gap.named,
+    "wider_gap": wider_gap.named,
     "steep_slope": steep_slope.named,
+    "slippery_slope": slippery_slope.named,
     "narrow_flat": narrow_flat.named,
     "tilted_slab": tilted_slab.named,
     "random_surfaces": random_surfaces.named,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scenes.input_error import InputError
+from scenes.library import wider_gap
 from scenes.transition_model import TransitionModel, transition_model
 
 
@@ -51,3 +52,10 @@ def test_a_broken_model_file_is_one_clear_line(tmp_path, text: str) -> None:
     with pytest.raises(InputError) as error:
         TransitionModel.read(path, "mine")
     assert "\n" not in str(error.value)
+
+
+def test_the_leap_stride_crosses_the_wider_gap_and_feet_do_not_cross() -> None:
+    steps = transition_model("leap_stride").steps
+    assert len(steps) == len(np.unique(steps, axis=0))
+    assert steps[:, 0].max() >= wider_gap.GAP + 0.22
+    assert steps[:, 1].min() > 0.1
