@@ -79,6 +79,12 @@ class SequenceTrials:
             self._answers[k] = estimate, time.perf_counter() - began
         return self._answers[k][0]
 
+    @property
+    def last_program_s(self) -> float:
+        """Seconds of the program of the last sequence that was solved and is feasible; NaN where none is."""
+        times = [seconds for _, (estimate, seconds) in sorted(self._answers.items()) if estimate.feasible]
+        return times[-1] if times else NOTHING
+
     def within(self, seconds: float) -> QueryOutcome:
         """What the search had come to after so many seconds."""
         found = [k for k, plan in enumerate(self.plans) if plan.elapsed <= seconds]

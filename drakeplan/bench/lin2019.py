@@ -1,4 +1,4 @@
-"""The experiments of Lin et al. 2019 sec. VIII (Lin 2020 sec. 6.7) again: figures 7, 8 and 10 of the paper, and an ablation.
+"""The experiments of Lin et al. 2019 sec. VIII (Lin 2020 sec. 6.7) again: figures 7, 8 and 10, the gap and the slope, an ablation.
 
 With the file that `DRAKEPLAN_BENCH_RESUME` names it goes on where it was stopped. Pictures go to out/.
 """
@@ -7,12 +7,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from drakeplan.bench import lin2019_ablation, lin2019_pictures, lin2019_prediction, lin2019_robustness, lin2019_times
+from drakeplan.bench import (
+    lin2019_ablation,
+    lin2019_crossings,
+    lin2019_pictures,
+    lin2019_prediction,
+    lin2019_robustness,
+    lin2019_times,
+)
 from drakeplan.bench.kept_cases import KeptCases
-from drakeplan.bench.lin2019_queries import all_queries, weights_digest
+from drakeplan.bench.lin2019_queries import all_queries
 from drakeplan.bench.mixed_integer_baseline import first_sequences, whole_plans
 from drakeplan.bench.table import BenchOptions, BenchTable
-from learning.surrogate import load_surrogate
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.robot import load_robot
 
@@ -25,7 +31,8 @@ def run(options: BenchOptions) -> tuple[BenchTable, ...]:
     ik, kept = WholeBodyIK(robot), KeptCases.asked_for()
     queries = all_queries(robot, ik, options.seeds, kept, options.tell)
     firsts = first_sequences(robot, ik, options.seeds, kept, options.tell)
-    plans = whole_plans(robot, options.seeds, weights_digest(load_surrogate(robot)), kept, options.tell)
+    plans = whole_plans(robot, options.seeds, kept, options.tell)
+    crossings = lin2019_crossings.table(robot, ik, kept, options.tell)
 
     results = lin2019_robustness.table(queries)
     series = lin2019_times.all_series(queries, firsts)
@@ -38,5 +45,6 @@ def run(options: BenchOptions) -> tuple[BenchTable, ...]:
         results,
         lin2019_times.table(series, firsts, plans),
         lin2019_prediction.table(predictions, str(picture)),
+        crossings,
         lin2019_ablation.table(queries),
     )

@@ -24,8 +24,9 @@ def table(queries: Sequence[Query]) -> BenchTable:
         "over whole sequences are not in these times.",
         "objective: of the last dynamically feasible sequence, the cheapest by the search's own measure, mean; over learned's: "
         "median of the ratios on seeds where both have one.",
-        "uncalibrated: raw logits, threshold one half, and no flag for what is far from the training data. exact in the loop: a "
-        "program for every new branch.",
+        "uncalibrated: raw logits, threshold one half, and no flag for what is far from the training data. exact, every branch: a "
+        "program for each child of an expansion, as documented; when popped: `--dynamics exact`, one program over the last "
+        "transitions of the path to a state that is about to be expanded.",
     )
     title = "Planners at equal wall time"
     return BenchTable("lin2019_ablation", title, columns, tuple(rows), notes, bench="lin2019")

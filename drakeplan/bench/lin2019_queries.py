@@ -15,20 +15,21 @@ import numpy as np
 
 from drakeplan.bench.contact_query import QueryOutcome, run_query
 from drakeplan.bench.kept_cases import Case, KeptCases
-from drakeplan.contact_planner import ContactPlannerOptions, DynamicsName
+from drakeplan.contact_planner import ContactPlannerOptions
 from drakeplan.warm_up import warm_up
 from learning.surrogate import DynamicsSurrogate, load_surrogate
+from optimization.friction import DEFAULT_CONE
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.robot import Robot
 from scenes.scene_source import load_scene
 
 SCENES = ("rubble_field", "rubble_corridor")
 QUASI_STATIC, LEARNED = "quasi-static", "learned"
-RAW, EXACT = "learned, uncalibrated", "exact in the loop"
-PLANNERS = (QUASI_STATIC, LEARNED, RAW, EXACT)
+RAW, EXACT, LAZY = "learned, uncalibrated", "exact, every branch", "exact, when popped"
+PLANNERS = (QUASI_STATIC, LEARNED, RAW, EXACT, LAZY)
 MAIN = (QUASI_STATIC, LEARNED)  # on all seeds, for fig. 7, 8 and 10; the others on the first `ABLATION_SEEDS`
 SHORT, LONG = 2.0, 10.0  # [s] of search; the documents' planners search for 30 s
-ABLATION_SEEDS = 10  # that search for `LONG`, all others for `SHORT`
+ABLATION_SEEDS = 6  # that search for `LONG`, all others for `SHORT`
 DEADLINE = 30.0  # [s] of search where no sequence was found by then
 
 
@@ -57,30 +58,43 @@ def all_queries(
     robot: Robot, ik: WholeBodyIK, seeds: int, kept: KeptCases, tell: Callable[[str], None]
 ) -> list[Query]:  # fmt: skip
     """Seeds 0 to `seeds` - 1 in every scene; one line of progress for each query."""
-    surrogate = load_surrogate(robot)
-    nets = {LEARNED: surrogate, RAW: uncalibrated(surrogate)}
-    digests = {name: weights_digest(net) for name, net in nets.items()}
-    _load_kernels(robot, ik, surrogate)
+    _load_kernels(robot, ik)
     queries = []
     for scene in SCENES:
         for seed in range(seeds):
             for planner in PLANNERS if seed < ABLATION_SEEDS else MAIN:
                 seconds = LONG if seed < ABLATION_SEEDS else SHORT
-                key = {"bench": "lin2019", "robot": robot.model_sha256, "scene": scene, "planner": planner, "seed": seed,
-                       "seconds": seconds, "weights": digests.get(planner, "")}  # fmt: skip
-                options = planner_options(planner, seed, nets.get(planner))
+                key = {"bench": "lin2019", "part": "query", "scene": scene, "planner": planner, "seed": seed,
+                       "seconds": seconds, **model_and_weights(robot, planner)}  # fmt: skip
+                options = planner_options(planner, seed, robot)
                 case = kept(key, lambda o=options, n=scene, s=seconds: _run(robot, ik, n, o, s))
                 queries.append(_query(scene, planner, seed, case))
                 tell(_progress(queries[-1]))
     return queries
 
 
-def planner_options(planner: str, seed: int, surrogate: DynamicsSurrogate | None) -> ContactPlannerOptions:
-    """How each of `PLANNERS` searches. Without calibration nothing tells it where not to trust its networks either."""
-    names: dict[str, DynamicsName] = {QUASI_STATIC: "quasi-static", EXACT: "exact"}
-    return ContactPlannerOptions(
-        seed=seed, dynamics=names.get(planner, "learned"), surrogate=surrogate, ask_when_far=planner != RAW
-    )
+def planner_options(planner: str, seed: int, robot: Robot, cone: str = DEFAULT_CONE) -> ContactPlannerOptions:
+    """How each of `PLANNERS` searches.
+
+    Without calibration nothing tells the planner where not to trust its networks either. "Every branch" is as documented: a
+    program for each new branch; "when popped" is what `--dynamics exact` does.
+    """
+    options = ContactPlannerOptions(cone=cone, seed=seed, dynamics="exact")
+    if planner == QUASI_STATIC:
+        return replace(options, dynamics="quasi-static")
+    if planner in (LEARNED, RAW):
+        surrogate = load_surrogate(robot)
+        learned = replace(options, dynamics="learned")
+        return replace(learned, surrogate=uncalibrated(surrogate), ask_when_far=False) if planner == RAW else learned
+    return replace(options, window=0) if planner == EXACT else options
+
+
+def model_and_weights(robot: Robot, planner: str) -> dict[str, str]:
+    """What a kept case must have in common with a new one: the robot's model, and the weights of those who use any."""
+    return {
+        "robot": robot.model_sha256,
+        "weights": weights_digest(load_surrogate(robot)) if planner in (LEARNED, RAW) else "",
+    }
 
 
 def uncalibrated(surrogate: DynamicsSurrogate) -> DynamicsSurrogate:
@@ -108,6 +122,11 @@ def mean(values: Sequence[float]) -> float:
     return float(np.mean(finite)) if finite else float("nan")
 
 
+def outcome(facts: Any) -> QueryOutcome:
+    """An outcome from what JSON made of it."""
+    return QueryOutcome(**{**facts, "robustness": tuple(tuple(row) for row in facts["robustness"])})
+
+
 def _run(robot: Robot, ik: WholeBodyIK, scene: str, options: ContactPlannerOptions, seconds: float) -> Case:
     trials = run_query(load_scene(scene, seed=options.seed), robot, ik, options, seconds=seconds, deadline=DEADLINE)
     first = trials.plans[0].elapsed if trials.plans else 0.0
@@ -122,12 +141,8 @@ def _run(robot: Robot, ik: WholeBodyIK, scene: str, options: ContactPlannerOptio
 
 def _query(scene: str, planner: str, seed: int, case: Case) -> Query:
     kept = cast("dict[str, Any]", case)
-    within = {float(s): _outcome(facts) for s, facts in kept["within"]}
-    return Query(scene, planner, seed, _outcome(kept["answer"]), within, kept["asked"], kept["why"])
-
-
-def _outcome(facts: dict[str, Any]) -> QueryOutcome:
-    return QueryOutcome(**{**facts, "robustness": tuple(tuple(row) for row in facts["robustness"])})
+    within = {float(s): outcome(facts) for s, facts in kept["within"]}
+    return Query(scene, planner, seed, outcome(kept["answer"]), within, kept["asked"], kept["why"])
 
 
 def _progress(query: Query) -> str:
@@ -139,10 +154,9 @@ def _progress(query: Query) -> str:
     ).rstrip()
 
 
-def _load_kernels(robot: Robot, ik: WholeBodyIK, surrogate: DynamicsSurrogate) -> None:
+def _load_kernels(robot: Robot, ik: WholeBodyIK) -> None:
     """Every planner once for a moment, so that no clock sees anything load."""
     warm_up(robot, ik)
     scene = load_scene("rubble_corridor", seed=0)
     for planner in PLANNERS:
-        options = planner_options(planner, 0, surrogate if planner in (LEARNED, RAW) else None)
-        run_query(scene, robot, ik, options, seconds=0.0, deadline=0.3).within(np.inf)
+        run_query(scene, robot, ik, planner_options(planner, 0, robot), seconds=0.0, deadline=0.3).within(np.inf)

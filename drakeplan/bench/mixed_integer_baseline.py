@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from drakeplan.bench.kept_cases import Case, KeptCases
-from drakeplan.bench.lin2019_queries import LEARNED, MAIN
+from drakeplan.bench.lin2019_queries import MAIN, model_and_weights
 from drakeplan.contact_planner import ContactPlannerOptions
 from drakeplan.mixed_integer_planner import FORMULATIONS, MixedIntegerPlanner
 from drakeplan.plan_options import PlanOptions
@@ -81,7 +81,8 @@ def first_sequences(
     found = []
     for seed in range(min(seeds, SEEDS)):
         for planner in FORMULATIONS:
-            key = {"bench": "lin2019", "part": "first", "robot": robot.model_sha256, "planner": planner, "seed": seed}
+            key = {"bench": "lin2019", "part": "first", "planner": planner, "seed": seed,
+                   **model_and_weights(robot, planner)}  # fmt: skip
             case = kept(key, lambda p=planner, s=seed: _first(robot, ik, p, s))
             found.append(FirstSequence(**cast("dict[str, Any]", case)))
             tell(f"{SCENE} seed {seed} {planner}: first {found[-1].first_s:.2f} s, feasible {found[-1].feasible}")
@@ -89,22 +90,19 @@ def first_sequences(
 
 
 def whole_plans(
-    robot: Robot, seeds: int, weights: str, kept: KeptCases, tell: Callable[[str], None]
+    robot: Robot, seeds: int, kept: KeptCases, tell: Callable[[str], None]
 ) -> list[WholePlan]:  # fmt: skip
-    """Search and every formulation to the verifier's word; nothing goes on improving after the first sequence.
-
-    Args:
-        robot: who crosses.
-        seeds: how many, `SEEDS` at most.
-        weights: name of those that the learned planner uses: kept cases are those of the same.
-        kept: cases that are known already.
-        tell: progress.
-    """
+    """Search and every formulation to the verifier's word; nothing goes on improving after the first sequence."""
     found = []
     for seed in range(min(seeds, SEEDS)):
         for planner in (*MAIN, *FORMULATIONS):
-            key = {"bench": "lin2019", "part": "plan", "robot": robot.model_sha256, "planner": planner, "seed": seed,
-                   "weights": weights if planner == LEARNED else ""}  # fmt: skip
+            key = {
+                "bench": "lin2019",
+                "part": "plan",
+                "planner": planner,
+                "seed": seed,
+                **model_and_weights(robot, planner),
+            }
             case = kept(key, lambda p=planner, s=seed: _plan(robot, p, s))
             found.append(WholePlan(**cast("dict[str, Any]", case)))
             tell(

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drakeplan.bench import contact_query, lin2019_ablation, lin2019_prediction, lin2019_robustness, lin2019_times
+from drakeplan.bench import (
+    contact_query,
+    lin2019_ablation,
+    lin2019_crossings,
+    lin2019_prediction,
+    lin2019_robustness,
+    lin2019_times,
+)
 from drakeplan.bench.contact_query import QueryOutcome, SequenceTrials
+from drakeplan.bench.kept_cases import KeptCases
 from drakeplan.bench.lin2019_pictures import draw_prediction, draw_robustness, draw_times, save
 from drakeplan.bench.lin2019_queries import (
     EXACT,
+    LAZY,
     LEARNED,
     LONG,
     MAIN,
@@ -22,6 +32,8 @@ from drakeplan.bench.lin2019_queries import (
     SCENES,
     SHORT,
     Query,
+    model_and_weights,
+    outcome,
     planner_options,
     uncalibrated,
     weights_digest,
@@ -163,16 +175,30 @@ def test_what_was_found_later_does_not_count_earlier(monkeypatch) -> None:
     assert outcome.first_s == 1.0 and np.isnan(outcome.first_feasible_s)
 
 
+def test_an_outcome_comes_back_from_json_as_it_was(monkeypatch) -> None:
+    found, _ = trials(monkeypatch, [False, True, True])
+    for seconds in (0.5, 1.5, 3.0):
+        before = found.within(seconds)
+        after = outcome(json.loads(json.dumps(asdict(before))))
+        assert repr(after) == repr(before)  # NaN is not equal to itself
+    assert found.last_program_s > 0
+
+
 def test_raw_logits_accept_at_one_half_and_kept_cases_are_those_of_the_same_weights() -> None:
     surrogate = load_surrogate(ROBOT)
     raw = uncalibrated(surrogate)
     assert np.all(raw.scale == 1.0) and np.all(raw.offset == 0.0) and np.all(raw.threshold == 0.5)
     assert raw.network is surrogate.network
     assert weights_digest(surrogate) == weights_digest(load_surrogate(ROBOT)) != weights_digest(raw)
-    asked = {name: planner_options(name, 3, None) for name in PLANNERS}
-    assert [asked[name].dynamics for name in PLANNERS] == ["quasi-static", "learned", "learned", "exact"]
-    assert [asked[name].ask_when_far for name in PLANNERS] == [True, True, False, True]
+    asked = {name: planner_options(name, 3, ROBOT) for name in PLANNERS}
+    assert [asked[name].dynamics for name in PLANNERS] == ["quasi-static", "learned", "learned", "exact", "exact"]
+    assert [asked[name].ask_when_far for name in PLANNERS] == [True, True, False, True, True]
+    assert asked[EXACT].window == 0 < asked[LAZY].window, (
+        "a program for every branch, as documented, and for what is popped"
+    )
     assert {o.seed for o in asked.values()} == {3}
+    keys = [model_and_weights(ROBOT, name)["weights"] for name in PLANNERS]
+    assert keys == ["", weights_digest(surrogate), weights_digest(surrogate), "", ""]
 
 
 # Tables and pictures ------------------------------------------------------------------------------------------
@@ -220,6 +246,21 @@ def test_planners_are_compared_at_equal_time_on_the_seeds_that_have_it() -> None
     assert rows["rubble_field", LONG, EXACT]["over learned's"] == pytest.approx(2.0)
     assert rows["rubble_field", LONG, QUASI_STATIC]["over learned's"] == pytest.approx(0.5)
     assert rows["rubble_field", LONG, RAW]["by programs"] == 14
+
+
+def test_the_gap_and_the_slope_stand_above_the_published_times(monkeypatch) -> None:
+    found = QueryOutcome(
+        found=2, first_s=0.2, first_feasible_s=0.2, confirm_s=0.5, tested=1, objective=7.0, transitions=9
+    )
+    said: list[str] = []
+    monkeypatch.setattr(
+        lin2019_crossings, "_cross", lambda *asked: {"outcome": asdict(found), "program_s": 0.5, "why": str(asked[3])}
+    )
+    table = lin2019_crossings.table(ROBOT, None, KeptCases(None), said.append)
+    rows = {(row[0], row[2]): dict(zip(table.columns, row, strict=True)) for row in table.rows}
+    assert (rows["wide_gap", LEARNED]["contacts"], rows["wide_gap", "learned, published"]["first s"]) == (11, 0.143)
+    assert rows["steep_slope", "learned, published"]["program s"] == 6.32
+    assert [line.split()[-1] for line in said] == ["inner"] * 3 + ["diamond"] * 3
 
 
 def baselines() -> tuple[list[FirstSequence], list[WholePlan]]:
