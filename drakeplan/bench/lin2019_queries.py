@@ -84,8 +84,9 @@ def planner_options(planner: str, seed: int, robot: Robot, cone: str = DEFAULT_C
         return replace(options, dynamics="quasi-static")
     if planner in (LEARNED, RAW):
         surrogate = load_surrogate(robot)
-        learned = replace(options, dynamics="learned")
-        return replace(learned, surrogate=uncalibrated(surrogate), ask_when_far=False) if planner == RAW else learned
+        if planner == RAW:
+            return replace(options, dynamics="learned", surrogate=uncalibrated(surrogate), ask_when_far=False)
+        return replace(options, dynamics="learned", surrogate=surrogate)
     return replace(options, window=0) if planner == EXACT else options
 
 
