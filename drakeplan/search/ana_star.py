@@ -50,10 +50,10 @@ class Domain(Protocol[State]):
 
 @runtime_checkable
 class LateCosts(Protocol[State]):
-    """A domain that knows the whole cost of an edge only after its check."""
+    """A domain that knows the whole cost of reaching a state only after its first check."""
 
     def late_cost(self, state: State) -> float:
-        """What is added, >= 0, to the cost of the edge by which this state was confirmed."""
+        """What is added, >= 0, to the cost of any edge to this state, which has been confirmed."""
         ...
 
 
@@ -101,6 +101,7 @@ class _Node(Generic[State]):
     parent: _Node[State] | None
     open: bool = True
     confirmed: bool = False
+    charged: bool = False  # whether the late cost is in g
 
 
 @dataclass
@@ -144,6 +145,7 @@ class AnaStar(Generic[State]):
         self._heap: list[tuple[float, int, _Node[State]]] = []
         self._counter = 0
         self._best_open: dict[State, _Node[State]] = {}  # the cheapest node known to each state
+        self._late: dict[State, float] = {}  # late costs that are known
         self._others: dict[State, list[_Node[State]]] = {}  # dearer ones, in case confirm turns the cheapest down
         self._began = 0.0
         self._first_at: float | None = None
@@ -190,21 +192,23 @@ class AnaStar(Generic[State]):
                     self._next_best(node)
                     continue
                 node.confirmed = True
-                if self._charge(node):
-                    continue
+                if self._charges:
+                    self._late[node.state] = self.domain.late_cost(node.state)  # type: ignore[attr-defined]
+                    if self._charge(node):  # back into OPEN, at its true cost
+                        node.open = True
+                        self._push(node)
+                        continue
             if self.domain.is_goal(node.state):
                 return node
             self._expand(node)
 
     def _charge(self, node: _Node[State]) -> bool:
-        """Adds what was not known before to a node's cost; True where that sends it back into OPEN."""
-        late = self.domain.late_cost(node.state) if self._charges else 0.0  # type: ignore[attr-defined]
-        if late <= 0:
+        """Adds what has become known of the cost of reaching a node's state; whether that changes anything."""
+        if node.charged or node.state not in self._late:
             return False
-        node.g += late
-        node.open = True
-        self._push(node)
-        return True
+        node.g += self._late[node.state]
+        node.charged = True
+        return self._late[node.state] > 0
 
     def _expand(self, node: _Node[State]) -> None:
         self.expansions += 1
@@ -218,6 +222,7 @@ class AnaStar(Generic[State]):
             self._add(_Node(states[k], float(totals[k]), float(estimates[k]), node))
 
     def _add(self, node: _Node[State]) -> None:
+        self._charge(node)
         known = self._best_open.get(node.state)
         if known is not None and known.g <= node.g:
             if known.open:  # not confirmed yet: this one may have to stand in for it
@@ -239,6 +244,7 @@ class AnaStar(Generic[State]):
             return
         others.sort(key=lambda other: -other.g)
         best = others.pop()
+        self._charge(best)
         best.open = True
         self._best_open[node.state] = best
         self._push(best)
