@@ -54,7 +54,7 @@ def run(options: BenchOptions) -> BenchTable:
         row = _row(plant, motions)
         kept += bool(row[0])
         rows.append((f"{name} {seed}", found.status == "complete", *row[1:]))
-        options.tell("  ".join(str(cell) for cell in rows[-1]))
+        options.tell(f"{name} seed {seed}: {found.status}, {motions[0][1]:.1f} s")
     columns = (
         "plan", "verified", "iterations", "k RMS after each [N m s]", "k RMS", "k worst", "l RMS", "l worst", "com worst mm",
         "torque share", "CPU s", "no feedback: k RMS", "k worst", "l RMS", "l worst", "CPU s",

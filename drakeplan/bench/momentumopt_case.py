@@ -166,7 +166,11 @@ def read_case(path: Path) -> list[Variant]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         return [_variant(name, entry) for name, entry in data["variants"].items()]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:  # whose own text quotes the whole file
+        raise InputError(f"{path}: expected a centroidal case with variants, this is no text") from error
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: expected a centroidal case with variants ({error!r})") from error
 
 

@@ -9,12 +9,16 @@ import re
 import sqlite3
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
+
+from drakeplan.whole_file import write_whole
+from scenes.input_error import InputError
 
 PACKAGES = ("drakeplan", "drake", "numpy", "numba", "scipy", "piqp", "hpp-centroidal-dynamics", "hpp-environments")
 
@@ -94,15 +98,43 @@ def machine() -> dict[str, str]:
     return info
 
 
+def open_database(database: Path) -> sqlite3.Connection:
+    """The SQLite file of all runs (WAL mode), made when missing; the caller closes it.
+
+    Raises:
+        InputError: it cannot be made, or is no such file.
+    """
+    with _named(database):
+        database.parent.mkdir(parents=True, exist_ok=True)
+        connection = sqlite3.connect(database)
+        try:
+            connection.execute("PRAGMA journal_mode=WAL")
+            connection.execute(
+                "CREATE TABLE IF NOT EXISTS runs (id INTEGER PRIMARY KEY, at TEXT, bench TEXT, seeds INTEGER, robot TEXT,"
+                " machine TEXT, columns TEXT, rows TEXT, notes TEXT)"
+            )
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+
+@contextmanager
+def _named(database: Path) -> Iterator[None]:
+    """Inside, what goes wrong with the file is the user's to mend."""
+    try:
+        yield
+    except (OSError, sqlite3.Error) as error:
+        raise InputError(f"{database}: cannot be used as a database of runs ({error})") from error
+
+
 def record(table: BenchTable, options: BenchOptions, database: Path) -> None:
-    """Appends a run to the SQLite file (WAL mode), making it when missing."""
-    database.parent.mkdir(parents=True, exist_ok=True)
-    with sqlite3.connect(database) as connection:
-        connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute(
-            "CREATE TABLE IF NOT EXISTS runs (id INTEGER PRIMARY KEY, at TEXT, bench TEXT, seeds INTEGER, robot TEXT,"
-            " machine TEXT, columns TEXT, rows TEXT, notes TEXT)"
-        )
+    """Appends a run to the SQLite file, making it when missing.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with _named(database), closing(open_database(database)) as connection, connection:
         connection.execute(
             "INSERT INTO runs (at, bench, seeds, robot, machine, columns, rows, notes) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             (
@@ -119,14 +151,28 @@ def record(table: BenchTable, options: BenchOptions, database: Path) -> None:
 
 
 def write_markdown(table: BenchTable, page: Path) -> None:
-    """Puts the table into the page in place of the one of the same name, or at its end."""
-    text = page.read_text(encoding="utf-8") if page.exists() else "# Benchmarks\n\nMade by `drakeplan bench`.\n\n"
+    """Puts the table into the page in place of the one of the same name, or at its end.
+
+    Raises:
+        InputError: the page is not text, or cannot be written.
+    """
+    text = read_page(page)
     block = f"<!-- {table.name} -->\n{table.markdown()}<!-- end {table.name} -->\n"
     pattern = re.compile(rf"<!-- {table.name} -->\n.*?<!-- end {table.name} -->\n", re.DOTALL)
     text = pattern.sub(lambda _: block, text) if pattern.search(text) else f"{text.rstrip()}\n\n{block}"
-    temporary = page.with_suffix(".tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(page)
+    write_whole(page, text.encode())
+
+
+def read_page(page: Path) -> str:
+    """What the page says; the head of a new one where there is none.
+
+    Raises:
+        InputError: it is not text.
+    """
+    try:
+        return page.read_text(encoding="utf-8") if page.exists() else "# Benchmarks\n\nMade by `drakeplan bench`.\n\n"
+    except (OSError, UnicodeDecodeError):
+        raise InputError(f"{page}: expected a Markdown page") from None
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 NAMES = "\n".join(f"  {name:<11}  {about}" for name, about in BENCHES.items())
 ABOUT = f"""Runs one benchmark or all of them.
 
-Every run is appended to a SQLite file; where there is a folder docs, its benchmarks.md gets the new table.
+Every run is appended to a SQLite file; where there is a folder docs, its benchmarks.md gets the new table, also that of
+fewer seeds: --page names another page.
 
 benchmarks:
 {NAMES}
@@ -60,8 +61,7 @@ def run(arguments: Arguments) -> int:
     if arguments.name and arguments.name not in BENCHES:
         raise unknown_name("benchmark", arguments.name, BENCHES)
     page = Path(arguments.page) if arguments.page is not None else PAGE if PAGE.parent.is_dir() else None
-    if page is not None and not page.parent.is_dir():
-        raise InputError(f"--page: there is no folder {page.parent}")
+    _check_outputs(page, Path(arguments.database))
     if arguments.case is not None and not Path(arguments.case).is_file():
         raise InputError(f"--case: there is no file {arguments.case}")
     tables = []
@@ -79,6 +79,17 @@ def run(arguments: Arguments) -> int:
     return 0
 
 
+def _check_outputs(page: Path | None, database: Path) -> None:
+    """Refuses, before hours of measuring, what the results cannot be written to."""
+    from drakeplan.bench.table import open_database, read_page
+    from drakeplan.whole_file import require_writable
+
+    if page is not None:
+        require_writable(page)
+        read_page(page)
+    open_database(database).close()
+
+
 def _run_one(name: str, arguments: Arguments, page: Path | None) -> tuple[BenchTable, ...]:
     from drakeplan.bench.table import BenchOptions, record, write_markdown
 
@@ -90,6 +101,8 @@ def _run_one(name: str, arguments: Arguments, page: Path | None) -> tuple[BenchT
     result = import_module(f"drakeplan.bench.{name}").run(options)
     tables = result if isinstance(result, tuple) else (result,)
     for table in tables:
+        if not table.rows:  # skipped: no reason to forget what was measured before
+            continue
         record(table, options, Path(arguments.database))
         if page is not None:
             write_markdown(table, page)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import tyro
 
 from scenes.input_error import InputError, unknown_name
 
 if TYPE_CHECKING:
+    from tqdm.auto import tqdm
+
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
     from drakeplan.campaigns.engine import CampaignProgress
@@ -116,15 +118,18 @@ def _workers(campaign: DynamicsCampaign, arguments: Arguments) -> Workers:
 
 
 class _Bar:
-    """A progress bar on standard error."""
+    """A progress bar on standard error; it appears with the first progress, so that a mistake stands on a line alone."""
 
     def __init__(self, count: int) -> None:
-        from tqdm.auto import tqdm
-
-        self._bar = tqdm(total=count, unit="env", file=sys.stderr, dynamic_ncols=True, smoothing=0.0)
+        self._count = count
+        self._bar: tqdm[NoReturn] | None = None
         self._began_at: int | None = None
 
     def __call__(self, progress: CampaignProgress) -> None:
+        if self._bar is None:
+            from tqdm.auto import tqdm
+
+            self._bar = tqdm(total=self._count, unit="env", file=sys.stderr, dynamic_ncols=True, smoothing=0.0)
         if progress.message:
             self._bar.write(progress.message, file=sys.stderr)
         if self._began_at is None:  # what earlier sessions did says nothing about the rate
@@ -135,7 +140,8 @@ class _Bar:
         self._bar.update(progress.tasks - self._bar.n)
 
     def close(self) -> None:
-        self._bar.close()
+        if self._bar is not None:
+            self._bar.close()
 
 
 def _report(card: Card, arguments: Arguments) -> None:
