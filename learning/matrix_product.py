@@ -83,7 +83,8 @@ def _write_tile(
         return ir.Constant(ir.IntType(64), k)
 
     def vector_at(pointer: ir.Value, offset: int) -> ir.Value:
-        return builder.bitcast(builder.gep(pointer, [number(offset * _LANES)]), vector.as_pointer())
+        there = builder.gep(pointer, [number(offset * _LANES)])
+        return builder.bitcast(there, vector.as_pointer())  # type: ignore[return-value]
 
     def row(array: object, k: int) -> ir.Value:
         stride = builder.extract_value(array.shape, 1)  # type: ignore[attr-defined]
@@ -106,11 +107,12 @@ def _write_tile(
         builder.store(builder.load(total[r, v]), vector_at(c[r], v), align=4)
 
 
-def _broadcast(builder: ir.IRBuilder, value: ir.Value | None, vector: ir.VectorType) -> ir.Value | None:
+def _broadcast(builder: ir.IRBuilder, value: ir.Value | None, vector: ir.VectorType) -> ir.Value:
     lane = ir.IntType(32)
     nothing = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.Constant(lane, 0))
-    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(lane, vector.count), [0] * vector.count))
+    zeros = ir.Constant(ir.VectorType(lane, vector.count), [0] * vector.count)
+    return builder.shuffle_vector(first, nothing, zeros)  # type: ignore[return-value]
 
 
 _tile1, _tile2, _tile3, _tile4, _tile5, _tile6, _tile7, _tile8 = (_tile(rows) for rows in range(1, 9))

@@ -106,10 +106,14 @@ class SharedNetwork:
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
         """See `TransitionNetwork`."""
-        y, n = self._packed(relative), len(relative)
+        y, n = self.mean_of_members(relative), len(relative)
         logit, cost, com, velocity = np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3))
         _read(y, self.low, self.high, c.feet_after, logit, cost, com, velocity)
         return NetworkAnswer(logit, cost, com, velocity)
+
+    def mean_of_members(self, relative: np.ndarray) -> np.ndarray:
+        """(n, 8) raw outputs."""
+        return self._packed(relative)
 
     @cached_property
     def _packed(self) -> PackedNetwork:

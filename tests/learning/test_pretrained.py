@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from drakeplan.bench.surrogate import expansion
+from drakeplan.bench.surrogate_times import expansion
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from learning.transition_batch import TransitionBatch
 from learning.weights import PRETRAINED
