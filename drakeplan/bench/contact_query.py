@@ -33,6 +33,7 @@ class QueryOutcome:
         tested: sequences whose program was solved, from the last to the first, until one was feasible.
         objective: of the dynamics of that one, which the query returns; NaN where there is none.
         predicted: sum of its transitions' objectives as the search saw them; NaN where it saw none.
+        first_objective, first_predicted: those of the first feasible sequence, NaN where it is the same.
         palms: whether it makes a palm contact.
         transitions: in it.
         robustness: (2, 8) sums and numbers of its samples (`robustness_sums`).
@@ -45,6 +46,8 @@ class QueryOutcome:
     tested: int = 0
     objective: float = NOTHING
     predicted: float = NOTHING
+    first_objective: float = NOTHING
+    first_predicted: float = NOTHING
     palms: bool = False
     transitions: int = 0
     robustness: tuple[tuple[float, ...], ...] = ((0.0,) * len(COLUMNS),) * 2
@@ -62,13 +65,15 @@ class SequenceTrials:
         plans: the sequences.
         why: why there are none, "" where there are.
         asked: transitions judged, by who answered.
+        busy: processor time of the search over its wall time.
     """
 
     def __init__(
-        self, robot: Robot, cone: str, plans: Sequence[ContactPlan], why: str = "", asked: dict[str, int] | None = None
+        self, robot: Robot, cone: str, plans: Sequence[ContactPlan], why: str = "", asked: dict[str, int] | None = None,
+        busy: float = NOTHING,
     ) -> None:  # fmt: skip
         self.robot, self.cone, self.plans = robot, cone, tuple(plans)
-        self.why, self.asked = why, asked or {}
+        self.why, self.asked, self.busy = why, asked or {}, busy
         self._answers: dict[int, tuple[CentroidalEstimate, float]] = {}
 
     def estimate(self, k: int) -> CentroidalEstimate:
@@ -106,18 +111,24 @@ class SequenceTrials:
             confirm_s=self._answers[first][1],
             tested=len(found) - found.index(last),
             objective=float(estimate.cost),
-            predicted=NOTHING if chosen.predicted_effort is None else float(chosen.predicted_effort),
+            predicted=_predicted(chosen),
+            first_objective=float(self.estimate(first).cost) if first != last else NOTHING,
+            first_predicted=_predicted(self.plans[first]) if first != last else NOTHING,
             palms=chosen.palms_used > 0,
             transitions=len(chosen.stances) - 1,
             robustness=tuple(tuple(row) for row in sums.tolist()),
         )
 
 
+def _predicted(plan: ContactPlan) -> float:
+    return NOTHING if plan.predicted_effort is None else float(plan.predicted_effort)
+
+
 def run_query(
     scene: Scene, robot: Robot, ik: WholeBodyIK, options: ContactPlannerOptions, *, seconds: float, deadline: float
 ) -> SequenceTrials:
     """Searches for so many seconds; where there is no sequence by then, on until the first or the deadline [s]."""
-    began = time.perf_counter()
+    began, cpu = time.perf_counter(), time.process_time()
     planner = ContactPlanner(scene, robot, ik, options, transition_model(scene.transition_model or "experiments"))
     plans: list[ContactPlan] = []
 
@@ -126,5 +137,6 @@ def run_query(
 
     for plan in planner.plans(Limits(deadline=deadline, stop=enough)):
         plans.append(plan)
+    busy = (time.process_time() - cpu) / (time.perf_counter() - began)
     asked = dict(planner.dynamic.evaluator.asked) if planner.dynamic is not None else {}
-    return SequenceTrials(robot, options.cone, plans, "" if plans else planner.why_not(), asked)
+    return SequenceTrials(robot, options.cone, plans, "" if plans else planner.why_not(), asked, busy)

@@ -16,7 +16,7 @@ from drakeplan.bench import (
     lin2019_times,
 )
 from drakeplan.bench.kept_cases import KeptCases
-from drakeplan.bench.lin2019_queries import all_queries
+from drakeplan.bench.lin2019_queries import all_queries, mean
 from drakeplan.bench.mixed_integer_baseline import first_sequences, whole_plans
 from drakeplan.bench.table import BenchOptions, BenchTable
 from optimization.whole_body_ik import WholeBodyIK
@@ -43,7 +43,7 @@ def run(options: BenchOptions) -> tuple[BenchTable, ...]:
     lin2019_pictures.save(lin2019_pictures.draw_prediction(predictions), picture)
     return (
         results,
-        lin2019_times.table(series, firsts, plans),
+        lin2019_times.table(series, firsts, plans, mean([q.busy for q in queries])),
         lin2019_prediction.table(predictions, str(picture)),
         crossings,
         lin2019_ablation.table(queries),

@@ -43,6 +43,7 @@ class Query:
         within: after exactly so many seconds, for every time that the query was searched for.
         asked: transitions judged in the whole search, by who answered.
         why: why there is no sequence, "" where there is.
+        busy: processor time of the search over its wall time: well below one where others used the machine.
     """
 
     scene: str
@@ -52,6 +53,7 @@ class Query:
     within: dict[float, QueryOutcome]
     asked: dict[str, int]
     why: str
+    busy: float
 
 
 def all_queries(
@@ -137,13 +139,14 @@ def _run(robot: Robot, ik: WholeBodyIK, scene: str, options: ContactPlannerOptio
         "within": [[s, asdict(trials.within(s))] for s in times],
         "asked": trials.asked,
         "why": trials.why,
+        "busy": trials.busy,
     }
 
 
 def _query(scene: str, planner: str, seed: int, case: Case) -> Query:
     kept = cast("dict[str, Any]", case)
     within = {float(s): outcome(facts) for s, facts in kept["within"]}
-    return Query(scene, planner, seed, outcome(kept["answer"]), within, kept["asked"], kept["why"])
+    return Query(scene, planner, seed, outcome(kept["answer"]), within, kept["asked"], kept["why"], kept["busy"])
 
 
 def _progress(query: Query) -> str:
