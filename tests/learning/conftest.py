@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from learning.labelled_transitions import LabelledTransitions
+from learning.shard_file import ShardHeader, encode_shard, shard_name
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import canonicalise
+from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
 from scenes.pose import rpy_rotation
 
 # palms held before (left, right), mover, whether it makes a contact: the ten categories, palm on the left
@@ -64,3 +69,50 @@ def toy_labels() -> Callable[..., LabelledTransitions]:
         return LabelledTransitions(batch, feasible, cost, com, velocity, scene, np.ones(n, bool), source)
 
     return make
+
+
+def _as_table(labels: LabelledTransitions) -> pa.Table:
+    """Rows as the campaign writes them."""
+    b, c = labels.batch, canonicalise(labels.batch)
+    rows = []
+    for i in range(len(labels)):
+        outcome = {"cost": None, "final_com": None, "final_velocity": None}
+        if labels.feasible[i]:
+            outcome = {"cost": labels.cost[i], "final_com": labels.com[i], "final_velocity": labels.velocity[i]}
+        rows.append(
+            {
+                "scene": labels.scene[i], "expansion": 0, "ground": "tilted", "walls": "none", "steps": "dense",
+                "shift": "none" if labels.visited[i] else "small", "category": c.category[i], "mirrored": c.mirrored[i],
+                "held": b.held[i], "p": b.p[i].ravel(), "R": b.R[i].ravel(),
+                "friction": np.where(b.held[i], b.friction[i], 0.0), "mover": b.mover[i], "makes": b.makes[i],
+                "p_new": b.p_new[i], "R_new": b.R_new[i].ravel(), "friction_new": b.friction[i] if b.makes[i] else 0.0,
+                "com": b.com[i], "velocity": b.velocity[i], "feasible": labels.feasible[i], "reason": "",
+                "iterations": 3,
+            }
+            | outcome
+        )  # fmt: skip
+    return pa.table({f.name: pa.array([r[f.name] for r in rows], f.type) for f in SCHEMA}, schema=SCHEMA)
+
+
+def _write_folder(
+    folder: Path, tables: list[pa.Table], robot: str = "escher", fingerprints: str = "a", version: int = VERSION
+) -> None:
+    """A folder of shards as a campaign leaves it."""
+    folder.mkdir(exist_ok=True)
+    facts = {"campaign": CAMPAIGN, "version": version, "seed": 3, "parameters": {"robot": robot}}
+    (folder / "campaign.json").write_text(json.dumps(facts))
+    for k, table in enumerate(tables):
+        header = ShardHeader(fingerprints[k % len(fingerprints)], k, 1)
+        (folder / shard_name(k)).write_bytes(encode_shard(table, header))
+
+
+@pytest.fixture(scope="session")
+def as_table() -> Callable[[LabelledTransitions], pa.Table]:
+    """as_table(labels): rows as the campaign writes them."""
+    return _as_table
+
+
+@pytest.fixture(scope="session")
+def write_folder() -> Callable[..., None]:
+    """write_folder(folder, tables, robot, fingerprints, version): a folder of shards as a campaign leaves it."""
+    return _write_folder

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -14,50 +12,16 @@ from learning.labelled_transitions import (
     TEST,
     TRAIN,
     VALIDATION,
-    LabelledTransitions,
     learning_set,
     read_labels,
     split_by_scene,
 )
-from learning.shard_file import ShardHeader, encode_shard, shard_name
-from learning.transition_features import canonicalise
-from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
+from learning.shard_file import shard_name
+from learning.transition_labels import SCHEMA
 from scenes.input_error import InputError
 
 
-def as_table(labels: LabelledTransitions) -> pa.Table:
-    """Rows as the campaign writes them."""
-    b, c = labels.batch, canonicalise(labels.batch)
-    rows = []
-    for i in range(len(labels)):
-        outcome = {"cost": None, "final_com": None, "final_velocity": None}
-        if labels.feasible[i]:
-            outcome = {"cost": labels.cost[i], "final_com": labels.com[i], "final_velocity": labels.velocity[i]}
-        rows.append(
-            {
-                "scene": labels.scene[i], "expansion": 0, "ground": "tilted", "walls": "none", "steps": "dense",
-                "shift": "none" if labels.visited[i] else "small", "category": c.category[i], "mirrored": c.mirrored[i],
-                "held": b.held[i], "p": b.p[i].ravel(), "R": b.R[i].ravel(),
-                "friction": np.where(b.held[i], b.friction[i], 0.0), "mover": b.mover[i], "makes": b.makes[i],
-                "p_new": b.p_new[i], "R_new": b.R_new[i].ravel(), "friction_new": b.friction[i] if b.makes[i] else 0.0,
-                "com": b.com[i], "velocity": b.velocity[i], "feasible": labels.feasible[i], "reason": "",
-                "iterations": 3,
-            }
-            | outcome
-        )  # fmt: skip
-    return pa.table({f.name: pa.array([r[f.name] for r in rows], f.type) for f in SCHEMA}, schema=SCHEMA)
-
-
-def write_folder(folder: Path, tables: list[pa.Table], robot: str = "escher", fingerprints: str = "a") -> None:
-    folder.mkdir(exist_ok=True)
-    facts = {"campaign": CAMPAIGN, "version": VERSION, "seed": 3, "parameters": {"robot": robot}}
-    (folder / "campaign.json").write_text(json.dumps(facts))
-    for k, table in enumerate(tables):
-        header = ShardHeader(fingerprints[k % len(fingerprints)], k, 1)
-        (folder / shard_name(k)).write_bytes(encode_shard(table, header))
-
-
-def test_labels_come_back_from_shards_as_they_were(toy_labels, tmp_path) -> None:
+def test_labels_come_back_from_shards_as_they_were(toy_labels, as_table, write_folder, tmp_path) -> None:
     labels = toy_labels(40)
     write_folder(tmp_path, [as_table(labels.take(np.arange(25))), as_table(labels.take(np.arange(25, 40)))])
     again = read_labels(tmp_path, "escher")
@@ -72,7 +36,7 @@ def test_labels_come_back_from_shards_as_they_were(toy_labels, tmp_path) -> None
     assert again.source["seed"] == 3 and again.source["rows"] == 40
 
 
-def test_what_is_no_such_data_set_is_refused(toy_labels, tmp_path) -> None:
+def test_what_is_no_such_data_set_is_refused(toy_labels, as_table, write_folder, tmp_path) -> None:
     table = as_table(toy_labels(10))
     with pytest.raises(InputError, match="expected a folder"):
         read_labels(tmp_path / "nowhere", "escher")

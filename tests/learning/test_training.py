@@ -86,8 +86,8 @@ def test_a_killed_training_is_taken_up_from_its_last_epoch(toy_labels, tmp_path)
     train(labels, tmp_path / "killed", options, lambda progress: epochs.append(progress.epoch))
     assert epochs[0] >= 5 and epochs[-1] == 30  # not from the start
     train(labels, tmp_path / "whole", options)
-    whole, resumed = (tmp_path / n / "dynamics.safetensors" for n in ("whole", "killed"))
-    assert whole.read_bytes() == resumed.read_bytes()
+    for name in ("dynamics.safetensors", "dynamics.json", "curves.csv", "report.json"):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "killed" / name).read_bytes()
 
 
 def test_a_damaged_or_foreign_checkpoint_starts_over(toy_labels, tmp_path) -> None:
