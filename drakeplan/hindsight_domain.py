@@ -25,7 +25,7 @@ from drakeplan.dynamics_evaluator import stance_of
 from optimization.tail_dynamics import BodyState, TailDynamics
 
 WINDOW = 5  # transitions
-GREED = 500.0  # of the search until there is a first path: g counts this much less than h
+GREED = 200.0  # of the search until there is a first path: g counts this much less than h
 
 
 @dataclass(eq=False)
