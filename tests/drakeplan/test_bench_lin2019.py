@@ -307,6 +307,22 @@ def test_a_few_far_points_do_not_move_the_robust_line() -> None:
     assert np.isnan(lin2019_prediction.robust_line(x[:2], y[:2])).all()
 
 
+def test_the_robust_line_is_the_line_where_there_is_one_and_moves_with_its_units() -> None:
+    x = np.array([1.0, 2.0, 3.0, 5.0, 8.0])
+    assert lin2019_prediction.robust_line(x, 3.0 * x - 7.0) == pytest.approx((3.0, -7.0))
+    assert lin2019_prediction.robust_line(1e3 * x, np.full(5, 2e6)) == pytest.approx((0.0, 2e6), abs=1e-6)
+    assert np.isnan(lin2019_prediction.robust_line(np.ones(5), x)).all()
+    rng = np.random.default_rng(1)
+    x = rng.uniform(0.0, 1.0, 2000)
+    y = 2.0 * x + 1.0 + rng.normal(0.0, 0.1, 2000)
+    slope, intercept = lin2019_prediction.robust_line(x, y)
+    least_squares = np.polyfit(x, y, 1)
+    assert (slope, intercept) == pytest.approx(least_squares, abs=5e-3), "nothing is far: 0.6 standard errors"
+    assert lin2019_prediction.robust_line(1e4 * x - 3.0, 5e3 * y) == pytest.approx(
+        (0.5 * slope, 5e3 * intercept + 1.5 * slope), rel=1e-6
+    )
+
+
 def test_pictures_are_drawn_from_the_tables(tmp_path: Path) -> None:
     firsts, _ = baselines()
     queries = invented()
