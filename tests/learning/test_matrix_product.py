@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import platform
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -63,3 +68,30 @@ def test_arrays_that_are_too_small_are_refused_and_nothing_beyond_them_is_read()
     ):  # fmt: skip
         with pytest.raises(ValueError, match="too small"):
             add_product(*wrong)
+
+
+NARROW = """
+import sys
+import llvmlite.binding as llvm
+features = llvm.get_host_cpu_features()
+features["avx512f"] = False
+llvm.get_host_cpu_features = lambda: features
+import numpy as np
+from learning.matrix_product import PANEL, product
+assert PANEL == 16
+A, B = (np.load(path) for path in sys.argv[1:3])
+np.save(sys.argv[3], product(A, B))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="other processors have vectors of one width here")
+def test_a_processor_with_vectors_half_as_wide_says_the_same_to_the_bit(tmp_path) -> None:
+    A, B = matrices(29, 101, 50)
+    paths = [str(tmp_path / f"{name}.npy") for name in "ABC"]
+    np.save(paths[0], A)
+    np.save(paths[1], B)
+    haswell = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx,+sse4.2"}
+    environment = os.environ | haswell | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", NARROW, *paths], check=True, env=environment, timeout=120)
+    np.testing.assert_array_equal(np.load(paths[2]), product(A, B))
