@@ -30,7 +30,8 @@ class PlanOptions:
         cone: friction cone by name.
         planner: by name: "search", or a mixed-integer program ("footsteps", "contacts") or a graph of convex sets ("gcs").
         dynamics: what every transition must satisfy: "quasi-static" balance, the centroidal program ("exact"), or what
-            has learned it ("learned"; the exact program for robots without weights).
+            has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
+            search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
         timing: of every transition; its dynamics are learned for the documents' timing alone.
         heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
@@ -48,7 +49,7 @@ class PlanOptions:
     friction: float | None = None
     cone: str = "inner"
     planner: str = "search"
-    dynamics: str = "quasi-static"
+    dynamics: str | None = None
     timing: Timing = field(default_factory=Timing)
     heuristic: Literal["grid", "euclidean", "admissible"] = "grid"
     transition_model: str | None = None
@@ -86,9 +87,9 @@ def check_options(options: PlanOptions) -> None:
     """
     if options.planner not in PLANNERS:
         raise unknown_name("planner", options.planner, PLANNERS)
-    if options.dynamics not in DYNAMICS:
+    if options.dynamics not in (None, *DYNAMICS):
         raise unknown_name("dynamics", options.dynamics, DYNAMICS)
-    if options.planner != "search" and options.dynamics != "quasi-static":
+    if options.planner != "search" and options.dynamics not in (None, "quasi-static"):
         raise InputError(f"--dynamics {options.dynamics} needs --planner search, got --planner {options.planner}")
     for key in ("deadline", "improve", "friction", "goal_radius"):
         value = getattr(options, key)

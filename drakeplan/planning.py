@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions, DynamicsName
 from drakeplan.dynamics import Guide
 from drakeplan.mixed_integer_planner import MixedIntegerPlanner
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
@@ -26,7 +26,7 @@ from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics
 from drakeplan.verifier import Report, verify
 from drakeplan.warm_up import warm_up
-from learning.surrogate import load_surrogate
+from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError
 from optimization.friction import DEFAULT_CONE
 from optimization.whole_body_ik import WholeBodyIK
@@ -39,6 +39,7 @@ Status = Literal["complete", "contacts", "none"]
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
+TRIED_REPAIRS = 3  # the same for learned dynamics that nobody asked for
 
 
 @dataclass(frozen=True)
@@ -90,18 +91,36 @@ def plan_scene(
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
         warm_up(robot, ik)
         _WARM.add(robot.model_sha256)
-    planner = _planner(scene, robot, ik, options, record)
+    dynamics = _dynamics(scene, robot, options, record.notes)
+    result = _run(scene, robot, options, dynamics, ik, record, tell)
+    stopped = options.stop is not None and options.stop()
+    if options.dynamics is not None or dynamics != "learned" or result.status == "complete" or stopped:
+        return result
+    record.notes.append(f"learned dynamics: {result.reason}; planned again with quasi-static dynamics")
+    second = _run(scene, robot, options, "quasi-static", ik, record, tell)
+    return result if second.status == "none" else second
+
+
+def _run(
+    scene: Scene, robot: Robot, options: PlanOptions, dynamics: DynamicsName, ik: WholeBodyIK, record: QueryRecord,
+    tell: Progress,
+) -> PlanResult:  # fmt: skip
+    """One query with these dynamics; learned ones that nobody asked for leave time for another."""
+    record.dynamics = "" if options.planner != "search" else dynamics
+    planner = _planner(scene, robot, ik, options, dynamics)
     scene = _set_down(scene, planner)
     reason = planner.start_problem()
     if reason:
-        return PlanResult("none", reason, None, record.as_dict("none", reason, None))
-    return _Query(scene, robot, options, planner, ik, record, tell).run()
+        return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
+    tried = options.dynamics is None and dynamics == "learned"
+    deadline, repairs = (options.deadline / 2, TRIED_REPAIRS) if tried else (options.deadline, MAX_REPAIRS)
+    return _Query(scene, robot, options, planner, ik, record, tell, deadline, repairs).run()
 
 
 def _planner(
-    scene: Scene, robot: Robot, ik: WholeBodyIK, options: PlanOptions, record: QueryRecord
+    scene: Scene, robot: Robot, ik: WholeBodyIK, options: PlanOptions, dynamics: DynamicsName
 ) -> ContactPlanner | MixedIntegerPlanner:
-    """Whoever is to find the contacts; a robot without weights gets the exact dynamics, and that is noted."""
+    """Whoever is to find the contacts."""
     model = transition_model(options.transition_model or scene.transition_model or "experiments")
     search = ContactPlannerOptions(
         cone=options.cone,
@@ -112,25 +131,36 @@ def _planner(
     )
     if options.planner != "search":
         return MixedIntegerPlanner(scene, robot, ik, options.planner, search, model)
-    if options.dynamics == "quasi-static":
-        return ContactPlanner(scene, robot, ik, search, model)
-    if options.dynamics == "learned":
-        why = _not_learned(robot, options)
-        if not why:
-            return ContactPlanner(scene, robot, ik, dataclasses.replace(search, dynamics="learned"), model)
-        record.notes.append(f"{why}: exact dynamics instead")
-    return ContactPlanner(scene, robot, ik, dataclasses.replace(search, dynamics="exact"), model)
+    return ContactPlanner(scene, robot, ik, dataclasses.replace(search, dynamics=dynamics), model)
 
 
-def _not_learned(robot: Robot, options: PlanOptions) -> str:
+def _dynamics(scene: Scene, robot: Robot, options: PlanOptions, notes: list[str]) -> DynamicsName:
+    """What the search asks of transitions; where nothing was learned for this query, something else, and that is noted."""
+    if options.planner != "search" or options.dynamics in ("quasi-static", "exact"):
+        return "exact" if options.dynamics == "exact" else "quasi-static"
+    why = _not_learned(scene, robot, options)
+    if not why:
+        return "learned"
+    instead: DynamicsName = "exact" if options.dynamics == "learned" else "quasi-static"
+    notes.append(f"{why}: {instead} dynamics instead")
+    return instead
+
+
+def _not_learned(scene: Scene, robot: Robot, options: PlanOptions) -> str:
     """Why learned dynamics do not fit this query, "" if they do."""
     if not options.timing.documented:
         return "dynamics are learned for transitions of 1 s and 1 s"
     try:
-        learned = load_surrogate(robot).card.get("cone", DEFAULT_CONE)
+        surrogate = load_surrogate(robot)
     except NoWeightsError as error:
         return str(error).split(":")[0]
-    return "" if options.cone == learned else f"dynamics are learned for the friction cone {learned!r}"
+    learned = surrogate.card.get("cone", DEFAULT_CONE)
+    if options.cone != learned:
+        return f"dynamics are learned for the friction cone {learned!r}"
+    best = max((s.friction for s in scene.terrain.surfaces), default=surrogate.friction[0])
+    if best < surrogate.friction[0] - FRICTION_TOLERANCE:  # else what is slippery is left to the exact program
+        return f"dynamics are learned for friction {surrogate.friction[0]:g} and above"
+    return ""
 
 
 class _Query:
@@ -138,11 +168,12 @@ class _Query:
 
     def __init__(
         self, scene: Scene, robot: Robot, options: PlanOptions, planner: ContactPlanner | MixedIntegerPlanner, ik: WholeBodyIK,
-        record: QueryRecord,
-        tell: Progress,
+        record: QueryRecord, tell: Progress, deadline: float, max_repairs: int,
     ) -> None:  # fmt: skip
+        self.deadline, self.max_repairs = deadline, max_repairs
         self.scene, self.robot, self.options = scene, robot, options
         self.planner, self.record, self.tell = planner, record, tell
+        self._first_round = True
         self.clock = SearchClock()
         self._guides: dict[tuple[Stance, ...], Guide] = {}  # CoM of sequences that are known to hold together
         self._fell_apart = ""  # why the last contact sequence is dynamically infeasible as a whole
@@ -158,7 +189,8 @@ class _Query:
 
     def run(self) -> PlanResult:
         refused: tuple[str, ContactPlan, Report | None] | None = None
-        for _ in range(MAX_REPAIRS + 1):
+        repairs = 0
+        while repairs <= self.max_repairs:
             found = self._search()
             if not found and self._careful(False):
                 found = self._search()
@@ -181,8 +213,9 @@ class _Query:
                 refused = (motion.reason, best, verification)
             if not self._bar(best, motion):
                 break
+            repairs += 1
             self.record.repairs += 1
-            if self.record.repairs == 1:
+            if repairs == 1:
                 self._careful(True)
         if refused is not None:
             reason, best, verification = refused
@@ -196,13 +229,13 @@ class _Query:
 
     def _search(self) -> list[ContactPlan]:
         """The incumbents of one round of search, best last; that one holds together, where dynamics are asked for."""
-        first_round = self.record.time_to_first_s is None
         limits = Limits(
-            deadline=max(self.options.deadline - self.record.planning_s, 0.0),
+            deadline=max(self.deadline - self.record.planning_s, 0.0),
             expansions=self.options.expansions,
-            improve=self._improve_for() if first_round else 0.0,
+            improve=self._improve_for() if self._first_round else 0.0,
             stop=self.options.stop,
         )
+        self._first_round = False
         found = []
         began = self.clock()
         for plan in self.planner.plans(limits, self.clock):
@@ -294,7 +327,7 @@ class _Query:
             "seed": self.options.seed,
             "command": self.options.command,
             "planner": self.options.planner,
-            "dynamics": self.options.dynamics,
+            "dynamics": self.record.dynamics,
             "limits_fired": list(self.record.limits_fired),
             "expansions": self.record.expansions,
             "cost": self.record.cost,

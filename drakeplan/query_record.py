@@ -37,6 +37,7 @@ class QueryRecord:
 
     Attributes:
         began: by the system's clock [s].
+        dynamics: what the search asked of transitions; "" for planners with dynamics of their own.
         cost, bound: of the contact sequence that was chosen.
         contacts, stances, palms_used: its size.
         expansions: of all rounds of search.
@@ -51,6 +52,7 @@ class QueryRecord:
     """
 
     began: float = field(default_factory=time.perf_counter)
+    dynamics: str = ""
     cost: float | None = None
     bound: float | None = None
     contacts: int = 0

@@ -49,8 +49,8 @@ class TransitionPrediction:
         cost: (n,) objective of the centroidal program [-]; inf where nothing can be said.
         com: (n, 3) final CoM in W [m].
         velocity: (n, 3) final CoM velocity in W [m/s].
-        far: (n,) bool, outside the training data in its features or its friction, of a category without training data or
-            unknown, or not finite.
+        far: (n,) bool, outside the training data in its features, more slippery than they were, of a category without
+            training data or unknown, or not finite.
         category: (n,) 0..9 or UNKNOWN.
     """
 
@@ -90,9 +90,9 @@ class DynamicsSurrogate:
         c = canonicalise(batch, self.network.frame)
         prediction = self.predict_canonical(c, relative_features(c))
         if batch.friction is not None:
-            low, high = self.friction
-            beyond = (batch.friction < low - FRICTION_TOLERANCE) | (batch.friction > high + FRICTION_TOLERANCE)
-            np.logical_or(prediction.far, beyond, out=prediction.far)
+            # More friction than was learned from allows all that was learned, and more: the answers are on the safe side.
+            slippery = batch.friction < self.friction[0] - FRICTION_TOLERANCE
+            np.logical_or(prediction.far, slippery, out=prediction.far)
         return prediction
 
     def predict_canonical(self, c: CanonicalTransitions, relative: np.ndarray) -> TransitionPrediction:

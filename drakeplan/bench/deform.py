@@ -80,7 +80,7 @@ class _Parts:
         """The verified plan that a move deforms."""
         key = name, seed % PLANS
         if key not in self._plans:
-            options = PlanOptions(seed=key[1], deadline=DEADLINE)
+            options = PlanOptions(seed=key[1], dynamics="quasi-static", deadline=DEADLINE)
             self._plans[key] = plan_scene(load_scene(name, seed=key[1]), self._robot, options).plan
         return self._plans[key]
 
@@ -89,7 +89,7 @@ def _run_part(plan_of: Callable[[str, int], Plan | None], robot: Robot, part: st
     _, moved = moved_scene(name, seed)
     if part == "replan":
         began = time.process_time()
-        again = plan_scene(moved, robot, PlanOptions(seed=seed, deadline=DEADLINE))
+        again = plan_scene(moved, robot, PlanOptions(seed=seed, dynamics="quasi-static", deadline=DEADLINE))
         return {"replan": again.status, "replan_reason": again.reason, "replan_s": time.process_time() - began}
     plan = plan_of(name, seed)
     if plan is None or plan.motion is None:

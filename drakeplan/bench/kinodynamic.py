@@ -40,7 +40,7 @@ def run(options: BenchOptions) -> BenchTable:
     rows, notes, kept = [], [], 0
     for name, seed, start, goal in cases:
         scene = load_scene(name, seed=seed)
-        query = PlanOptions(seed=seed, start=start, goal=goal, deadline=DEADLINE)
+        query = PlanOptions(seed=seed, dynamics="quasi-static", start=start, goal=goal, deadline=DEADLINE)
         found = plan_scene(scene, robot, query)
         if found.plan is None:
             notes.append(f"{name} seed {seed}: {found.reason}")

@@ -63,7 +63,7 @@ def run(options: BenchOptions) -> BenchTable:
             scene = NAMED_SCENES[name](seed)
             bound = _bound(scene, robot, ik)
             for planner in PLANNERS:
-                wanted = PlanOptions(seed=seed, planner=planner, deadline=DEADLINE)
+                wanted = PlanOptions(seed=seed, dynamics="quasi-static", planner=planner, deadline=DEADLINE)
                 attempt = Attempt(name, planner, seed, plan_scene(scene, robot, wanted), bound.cost)
                 attempts.append(attempt)
                 options.tell(

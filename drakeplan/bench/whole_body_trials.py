@@ -98,7 +98,7 @@ def kinodynamic_row(robot: Robot) -> Row:
 def strip_row(robot: Robot) -> Row:
     """The rubble field's plan, deformed to its moved surfaces."""
     scene, moved = moved_scene(SCENE, 0)
-    plan = plan_scene(scene, robot, PlanOptions(seed=0)).plan
+    plan = plan_scene(scene, robot, PlanOptions(seed=0, dynamics="quasi-static")).plan
     if plan is None or plan.motion is None:
         return _row("elastic strip", "no plan to deform", "inner", SCENE, False, False)
     with peak_memory() as memory:
@@ -112,7 +112,7 @@ def strip_row(robot: Robot) -> Row:
 def plan_rows(robot: Robot) -> Iterator[Row]:
     """The rubble field planned, with momenta and motion, at given and at free timing."""
     for free in (False, True):
-        options = PlanOptions(seed=0, expansions=EXPANSIONS, timing=Timing(free=free))
+        options = PlanOptions(seed=0, dynamics="quasi-static", expansions=EXPANSIONS, timing=Timing(free=free))
         with peak_memory() as memory:
             began = time.process_time()
             found = plan_scene(load_scene(SCENE, seed=0), robot, options)

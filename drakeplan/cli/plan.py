@@ -33,7 +33,7 @@ examples:
   drakeplan plan rubble_corridor --seed 3 --out plan.h5 --html plan.html
   drakeplan plan hpp/darpa --start -3.6 0 0 --goal 3.9 0 --out darpa.h5
   drakeplan plan stones.yaml --friction 0.4 --deadline 10 --json
-  drakeplan plan rubble_field --dynamics learned --html plan.html
+  drakeplan plan rubble_field --dynamics quasi-static --html plan.html
   drakeplan plan stairs --planner footsteps
 
 Ctrl-C ends the search and keeps the best plan so far; a second one aborts.
@@ -66,15 +66,16 @@ class Arguments:
     planner: Literal["search", "footsteps", "contacts", "gcs"] = "search"
     """what finds the contacts: our search, mixed-integer programs of footsteps or of contacts with momentum, or a
     graph of convex sets"""
-    dynamics: Literal["quasi-static", "exact", "learned"] = "quasi-static"
-    """what makes a transition possible: balance at rest, networks that learned the momentum program, or that program"""
+    dynamics: Literal["quasi-static", "exact", "learned"] | None = None
+    """what makes a transition possible: balance at rest, networks that learned the momentum program, or that program
+    (default: learned; quasi-static where nothing was learned)"""
     shift: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
     """seconds to shift the weight before every transition"""
     swing: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
     """seconds to move an end effector"""
     free_timing: bool = False
     """then change these durations for less effort, in the same time altogether"""
-    transition_model: Literal["experiments", "training", "planning", "long_stride"] | None = None
+    transition_model: Literal["experiments", "training", "planning", "long_stride", "leap_stride"] | None = None
     """foot steps to choose from; by default the scene's, else experiments"""
     deadline: float = 30.0
     """limit of the search; dynamics and motion follow"""
@@ -267,6 +268,7 @@ def _summary(report: dict[str, object]) -> str:
         f" cost {number('cost', '.3f')}, bound {number('bound', '.3f')}",
         f"  first contacts {number('time_to_first_s', '.3f')} s, first feasible {number('time_to_first_feasible_s')} s;"
         f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
+        *_judges(report),
         f"  all in all {number('total_s')} s, {number('peak_rss_mb', '.0f')} MB",
     ]
     files = report["files"]
@@ -282,3 +284,15 @@ def seconds_since_process_start() -> float:
         return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError, AttributeError):
         return time.perf_counter()
+
+
+def _judges(report: dict[str, object]) -> list[str]:
+    """A line about who judged the transitions' dynamics, where somebody did."""
+    asked = report.get("transitions_judged")
+    if not isinstance(asked, dict) or not any(asked.values()):
+        return []
+    learned, exact = int(asked.get("learned", 0)), int(asked.get("exact", 0))
+    if not learned:
+        return [f"  dynamics of {exact} transitions asked of the program"]
+    share = f" ({exact / (learned + exact):.1%}, unlike what they learned from)" if exact else ""
+    return [f"  dynamics of {learned} transitions judged by networks, of {exact}{share} by the program"]

@@ -83,6 +83,7 @@ def test_without_the_exact_program_a_guess_stands(ik: WholeBodyIK) -> None:
     [
         (PlanOptions(timing=Timing(0.6, 0.8)), "1 s and 1 s"),
         (PlanOptions(cone="square"), "friction cone 'inner'"),
+        (PlanOptions(friction=0.45), "friction 0.5 and above"),
     ],
 )
 def test_what_was_not_learned_is_asked_of_the_exact_program_and_that_is_said(options: PlanOptions, why: str) -> None:
@@ -90,6 +91,17 @@ def test_what_was_not_learned_is_asked_of_the_exact_program_and_that_is_said(opt
     result = plan_scene(SHORT, ROBOT, asked)
     assert any(why in note and "exact dynamics instead" in note for note in result.notes)
     assert result.report["transitions_judged"]["exact"] > 0
+    assert result.report["dynamics"] == "exact"
+    usual = plan_scene(SHORT, ROBOT, dataclasses.replace(asked, dynamics=None))
+    assert any(why in note and "quasi-static dynamics instead" in note for note in usual.notes)
+    assert usual.report["dynamics"] == "quasi-static"
+
+
+def test_more_grip_than_was_learned_from_is_judged_as_if_it_were_less(ik: WholeBodyIK) -> None:
+    search = planner(dataclasses.replace(SHORT, terrain=Terrain((dataclasses.replace(FLOOR, friction=0.9),))), ik)
+    assert search.dynamic is not None
+    search.dynamic.successors(search._start_state)
+    assert search.dynamic.evaluator.asked["exact"] == 0
 
 
 def test_a_robot_without_weights_has_a_clear_message() -> None:
@@ -100,7 +112,8 @@ def test_a_robot_without_weights_has_a_clear_message() -> None:
 
 @pytest.mark.slow
 def test_a_plan_over_learned_dynamics_is_verified_and_says_what_it_expected() -> None:
-    result = plan_scene(load_scene("rubble_field", seed=0), ROBOT, PlanOptions(dynamics="learned", improve=0.2))
+    result = plan_scene(load_scene("rubble_field", seed=0), ROBOT, PlanOptions(improve=0.2))
+    assert result.report["dynamics"] == "learned"
     assert result.status == "complete", result.reason
     assert result.plan is not None
     assert len(result.plan.provenance["predicted_com"]) == len(result.plan.stances)
