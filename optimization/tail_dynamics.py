@@ -23,7 +23,7 @@ from scenes.input_error import InputError
 from scenes.robot import Robot
 from scenes.stance import Stance
 
-MOST_PROGRAMS = 200  # kept, by structure
+MOST_PROGRAMS = 60  # kept, by structure
 
 
 @dataclass(frozen=True, eq=False)
