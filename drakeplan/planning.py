@@ -93,8 +93,9 @@ def plan_scene(
         _WARM.add(robot.model_sha256)
     dynamics = _dynamics(scene, robot, options, record.notes)
     result = _run(scene, robot, options, dynamics, ik, record, tell)
-    stopped = options.stop is not None and options.stop()
-    if options.dynamics is not None or dynamics != "learned" or result.status == "complete" or stopped:
+    if options.dynamics is not None or dynamics != "learned" or result.status == "complete" or not record.expansions:
+        return result
+    if options.stop is not None and options.stop():
         return result
     record.notes.append(f"learned dynamics: {result.reason}; planned again with quasi-static dynamics")
     second = _run(scene, robot, options, "quasi-static", ik, record, tell)

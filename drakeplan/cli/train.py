@@ -49,11 +49,11 @@ class Arguments:
     kind: Literal["palms", "shared", "documented"] = "palms"
     """a network for each number of palms held, one for all (for few labels), or two for each category as documented"""
     width: int | None = None
-    """units of a hidden layer (default: 320; shared 192, documented 256)"""
+    """units of a hidden layer (default: 384; shared 192, documented 256)"""
     depth: int | None = None
     """hidden layers (default: 3)"""
     epochs: int | None = None
-    """passes over the data (default: 80; shared 50, documented 100)"""
+    """passes over the data (default: 100; shared 50)"""
     members: int | None = None
     """networks whose answers are averaged, not for documented (default: 1; shared 2)"""
     recall: float = 0.95

@@ -68,5 +68,5 @@ def recommended(kind: Kind) -> TrainingOptions:
     if kind == "documented":
         return TrainingOptions(kind="documented", width=256, depth=3, epochs=100)
     if kind == "palms":
-        return TrainingOptions(kind="palms", width=320, depth=3, epochs=80, jitter=0.05)
+        return TrainingOptions(kind="palms", width=384, depth=3, epochs=100, jitter=0.05)
     return TrainingOptions(kind="shared", width=192, depth=3, epochs=50, members=2)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drakeplan import planning
 from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.dynamics_evaluator import ExactDynamics, LearnedDynamics
 from drakeplan.plan_options import PlanOptions
@@ -108,6 +109,26 @@ def test_a_robot_without_weights_has_a_clear_message() -> None:
     robot = dataclasses.replace(ROBOT, name="nobody")
     with pytest.raises(NoWeightsError, match="has no learned dynamics"):
         load_surrogate(robot)
+
+
+@pytest.mark.slow
+def test_where_learned_dynamics_lead_nowhere_quasi_static_ones_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = planning._Query.run
+
+    def fails_if_learned(query: planning._Query) -> planning.PlanResult:
+        result = run(query)
+        if query.record.dynamics == "learned":
+            return dataclasses.replace(result, status="contacts", reason="made to fail")
+        return result
+
+    monkeypatch.setattr(planning._Query, "run", fails_if_learned)
+    result = plan_scene(SHORT, ROBOT, PlanOptions(improve=0.0))
+    assert result.status == "complete", result.reason
+    assert result.report["dynamics"] == "quasi-static"
+    assert any("made to fail" in note and "planned again" in note for note in result.notes)
+    asked = plan_scene(SHORT, ROBOT, PlanOptions(improve=0.0, dynamics="learned"))
+    assert asked.status == "contacts"
+    assert not asked.notes
 
 
 @pytest.mark.slow
