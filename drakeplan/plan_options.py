@@ -14,6 +14,7 @@ from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 
 PLANNERS = ("search", "footsteps", "contacts", "gcs")
+MOST_FRICTION = 10.0  # beyond this programs lose their digits, and nothing on earth holds like that
 DYNAMICS = ("quasi-static", "exact", "learned")
 
 
@@ -95,6 +96,8 @@ def check_options(options: PlanOptions) -> None:
         value = getattr(options, key)
         if value is not None and not (np.isfinite(value) and value >= 0):
             raise InputError(f"--{key.replace('_', '-')}: expected a finite number >= 0, got {value}")
+    if options.friction is not None and not 0.0 < options.friction <= MOST_FRICTION:
+        raise InputError(f"--friction: expected more than 0, at most {MOST_FRICTION:g}, got {options.friction:g}")
     for key in ("start", "goal"):
         value = getattr(options, key)
         if value is not None and not (len(value) in (2, 3) and np.isfinite(value).all()):

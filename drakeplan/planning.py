@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import tempfile
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,7 @@ from scenes.transition_model import transition_model
 
 Status = Literal["complete", "contacts", "none"]
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
+COMPILING = 5.0  # [s] after which loading kernels must be compiling them
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 MAX_REPAIRS = 12  # times a transition that motion or verification refused is barred and the search resumed
 TRIED_REPAIRS = 3  # the same for learned dynamics that nobody asked for
@@ -89,17 +91,32 @@ def plan_scene(
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
     ik = WholeBodyIK(robot)
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
-        warm_up(robot, ik)
+        _load_kernels(robot, ik, tell)
         _WARM.add(robot.model_sha256)
     dynamics = _dynamics(scene, robot, options, record.notes)
+    for note in record.notes:
+        tell(ProgressEvent("load", note))
     result = _run(scene, robot, options, dynamics, ik, record, tell)
     if options.dynamics is not None or dynamics != "learned" or result.status == "complete" or not record.expansions:
         return result
     if options.stop is not None and options.stop():
         return result
     record.notes.append(f"learned dynamics: {result.reason}; planned again with quasi-static dynamics")
+    tell(ProgressEvent("search", record.notes[-1]))
     second = _run(scene, robot, options, "quasi-static", ik, record, tell)
     return result if second.status == "none" else second
+
+
+def _load_kernels(robot: Robot, ik: WholeBodyIK, tell: Progress) -> None:
+    """Loads what is compiled, and says so where it has to be compiled first."""
+    note = ProgressEvent("load", "compiling, once on this machine: a minute or two")
+    patience = threading.Timer(COMPILING, tell, [note])
+    patience.daemon = True
+    patience.start()
+    try:
+        warm_up(robot, ik)
+    finally:
+        patience.cancel()
 
 
 def _run(
@@ -214,6 +231,7 @@ class _Query:
                 refused = (motion.reason, best, verification)
             if not self._bar(best, motion):
                 break
+            self.tell(ProgressEvent("search", f"{refused[0]}; searching again"))
             repairs += 1
             self.record.repairs += 1
             if repairs == 1:

@@ -38,7 +38,7 @@ Progress = Callable[[ProgressEvent], None]
 class ProgressPrinter:
     """Writes events as lines; call it with each event.
 
-    A line appears when the stage or the cost changes, otherwise not more often than `QUIET_INTERVAL`. The time it
+    A line appears when the stage, the cost or the message changes, otherwise not more often than `QUIET_INTERVAL`. The time it
     shows is that since the printer was made, so that it never runs backwards, whatever the events count from.
 
     Attributes:
@@ -48,14 +48,14 @@ class ProgressPrinter:
     stream: TextIO
 
     def __post_init__(self) -> None:
-        self._last: tuple[str, float | None] = ("", None)
+        self._last: tuple[str, float | None, str] = ("", None, "")
         self._began = time.monotonic()
         self._last_time = self._began - QUIET_INTERVAL
 
     def __call__(self, event: ProgressEvent) -> None:
         """Shows the event, unless nothing changed and the last line is very recent."""
         now = time.monotonic()
-        news = (event.stage, event.cost)
+        news = (event.stage, event.cost, event.message)
         if news == self._last and now - self._last_time < QUIET_INTERVAL:
             return
         self._last, self._last_time = news, now

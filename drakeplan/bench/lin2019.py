@@ -5,7 +5,9 @@ With the file that `DRAKEPLAN_BENCH_RESUME` names it goes on where it was stoppe
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drakeplan.bench import (
     lin2019_ablation,
@@ -22,6 +24,9 @@ from drakeplan.bench.table import BenchOptions, BenchTable
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.robot import load_robot
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 PICTURES = Path("out")
 
 
@@ -34,17 +39,21 @@ def run(options: BenchOptions) -> tuple[BenchTable, ...]:
     plans = whole_plans(robot, options.seeds, kept, options.tell)
     crossings = lin2019_crossings.table(robot, ik, kept, options.tell)
 
-    results = lin2019_robustness.table(queries)
     series = lin2019_times.all_series(queries, firsts)
     predictions = lin2019_prediction.predictions(queries)
-    picture = PICTURES / "lin2019_prediction.png"
-    lin2019_pictures.save(lin2019_pictures.draw_robustness(results), PICTURES / "lin2019_robustness.png")
-    lin2019_pictures.save(lin2019_pictures.draw_times(series), PICTURES / "lin2019_time.png")
-    lin2019_pictures.save(lin2019_pictures.draw_prediction(predictions), picture)
+    results, prediction = lin2019_robustness.table(queries), lin2019_prediction.table(predictions)
+    times = lin2019_times.table(series, firsts, plans, mean([q.busy for q in queries]))
     return (
-        results,
-        lin2019_times.table(series, firsts, plans, mean([q.busy for q in queries])),
-        lin2019_prediction.table(predictions, str(picture)),
+        _with_picture(results, lin2019_pictures.draw_robustness(results)),
+        _with_picture(times, lin2019_pictures.draw_times(series)),
+        _with_picture(prediction, lin2019_pictures.draw_prediction(predictions)),
         crossings,
         lin2019_ablation.table(queries),
     )
+
+
+def _with_picture(table: BenchTable, figure: Figure) -> BenchTable:
+    """The table with a note of its picture, which is written."""
+    path = PICTURES / f"{table.name}.png"
+    lin2019_pictures.save(figure, path)
+    return replace(table, notes=(*table.notes, f"Picture: {path}"))

@@ -97,7 +97,7 @@ def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return slope, float(line[1] - slope * x.mean())
 
 
-def table(found: Sequence[Prediction], picture: str) -> BenchTable:
+def table(found: Sequence[Prediction]) -> BenchTable:
     """One row a scene."""
     rows = [
         (p.scene, len(p.actual), p.correlation, p.rank_correlation, p.slope, p.intercept, p.relative_error) for p in found
@@ -113,7 +113,7 @@ def table(found: Sequence[Prediction], picture: str) -> BenchTable:
     )
     title = "Sum of predicted objectives against the actual one (Lin et al. 2019 fig. 10)"
     notes = (
-        f"The first and the last feasible sequence of every query. Robust regression (bisquare), actual over predicted: {picture}",
+        "The first and the last feasible sequence of every query. Robust regression (bisquare weights), actual over predicted.",
         "The documents show the picture alone and call the two highly correlated.",
     )
     return BenchTable("lin2019_prediction", title, columns, tuple(rows), notes, bench="lin2019")

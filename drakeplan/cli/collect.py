@@ -88,6 +88,8 @@ def run(arguments: Arguments) -> int:
 
 
 def _check(arguments: Arguments) -> None:
+    from drakeplan.plan_options import MOST_FRICTION
+
     if arguments.campaign not in CAMPAIGNS:
         raise unknown_name("campaign", arguments.campaign, CAMPAIGNS)
     for name, least in (("count", 1), ("workers", 1), ("seed", 0)):
@@ -95,8 +97,8 @@ def _check(arguments: Arguments) -> None:
             raise InputError(f"--{name}: expected {least} or more, got {getattr(arguments, name)}")
     if not arguments.out:
         raise InputError("--out: expected a folder for the data")
-    if arguments.friction <= 0:
-        raise InputError(f"--friction: expected more than 0, got {arguments.friction:g}")
+    if not 0 < arguments.friction <= MOST_FRICTION:
+        raise InputError(f"--friction: expected more than 0, at most {MOST_FRICTION:g}, got {arguments.friction:g}")
     if arguments.task_timeout <= 0:
         raise InputError(f"--task-timeout: expected more than 0, got {arguments.task_timeout:g}")
 

@@ -49,24 +49,27 @@ class Arguments:
 
     scene: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """a name, a scene file, hpp/MESH or a mesh file"""
-    robot: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    robot: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
     """who crosses (default: the scene's robot, else escher)"""
     seed: int = 0
     """of the scene and of every random choice"""
-    start: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]")] = ()
+    start: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]", help_behavior_hint="")] = ()
     """where to start: mean of the feet, heading (default: the scene's)"""
-    goal: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]")] = ()
+    goal: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]", help_behavior_hint="")] = ()
     """where to end; without YAW with any heading (default: the scene's)"""
-    goal_radius: Annotated[float | None, tyro.conf.arg(metavar="R")] = None
+    goal_radius: Annotated[float | None, tyro.conf.arg(metavar="R", help_behavior_hint="")] = None
     """distance from the goal that counts as there (default: the scene's, else 0.2)"""
-    friction: Annotated[float | None, tyro.conf.arg(metavar="MU")] = None
+    friction: Annotated[float | None, tyro.conf.arg(metavar="MU", help_behavior_hint="")] = None
     """replaces every friction coefficient in the scene"""
     cone: Literal["inner", "square", "second_order", "diamond"] = "inner"
     """friction cone; diamond admits what real friction does not and is for comparison only"""
     planner: Literal["search", "footsteps", "contacts", "gcs"] = "search"
     """what finds the contacts: our search, mixed-integer programs of footsteps or of contacts with momentum, or a
     graph of convex sets"""
-    dynamics: Literal["quasi-static", "exact", "learned"] | None = None
+    dynamics: Annotated[
+        Literal["quasi-static", "exact", "learned"] | None,
+        tyro.conf.arg(metavar="{quasi-static,exact,learned}", help_behavior_hint=""),
+    ] = None
     """what makes a transition possible: balance at rest, networks that learned the momentum program, or that program
     (default: learned; quasi-static where nothing was learned)"""
     shift: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
@@ -75,19 +78,22 @@ class Arguments:
     """seconds to move an end effector"""
     free_timing: bool = False
     """then change these durations for less effort, in the same time altogether"""
-    transition_model: Literal["experiments", "training", "planning", "long_stride", "leap_stride"] | None = None
+    transition_model: Annotated[
+        Literal["experiments", "training", "planning", "long_stride", "leap_stride"] | None,
+        tyro.conf.arg(metavar="{experiments,training,planning,long_stride,leap_stride}", help_behavior_hint=""),
+    ] = None
     """foot steps to choose from; by default the scene's, else experiments"""
     deadline: float = 30.0
     """limit of the search; dynamics and motion follow"""
     improve: float = 1.0
     """the search stops this long after its first plan"""
-    expansions: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """limit of expanded nodes; unlike times it makes runs repeatable"""
     keep_partial: bool = False
     """write contacts too whose dynamics, motion or verification failed"""
-    out: Annotated[str | None, tyro.conf.arg(metavar="PLAN.h5")] = None
+    out: Annotated[str | None, tyro.conf.arg(metavar="PLAN.h5", help_behavior_hint="")] = None
     """write the plan"""
-    html: Annotated[str | None, tyro.conf.arg(metavar="PAGE.html")] = None
+    html: Annotated[str | None, tyro.conf.arg(metavar="PAGE.html", help_behavior_hint="")] = None
     """write a page that plays it"""
     json: bool = False
     """one JSON object on standard output"""

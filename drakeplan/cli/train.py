@@ -73,6 +73,9 @@ def run(arguments: Arguments) -> int:
     for name in ("data", "out"):
         if not getattr(arguments, name):
             raise InputError(f"drakeplan train: --{name} is missing; see drakeplan train --help")
+    out = Path(arguments.out)
+    if not os.access(next(folder for folder in (out, *out.absolute().parents) if folder.exists()), os.W_OK):
+        raise InputError(f"--out {arguments.out}: cannot be written")
     if find_spec("torch") is None:
         raise InputError("drakeplan train needs torch: pip install 'drakeplan[train]'")
     from learning.labelled_transitions import read_labels

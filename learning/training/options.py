@@ -52,15 +52,12 @@ class TrainingOptions:
                 raise InputError(f"training: {name} must be at least 1, got {getattr(self, name)}")
         if not 0.0 < self.recall <= 1.0:
             raise InputError(f"training: recall must lie in (0, 1], got {self.recall}")
-        if not (
-            self.rate > 0
-            and min(self.decay, self.jitter) >= 0
-            and self.seed >= 0
-            and min(self.logit_weight, self.dear) > 0
-        ):
-            raise InputError(
-                "training: rate, logit_weight and dear must be positive; decay, jitter and seed not negative"
-            )
+        for name in ("rate", "logit_weight", "dear"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"training: {name} must be positive, got {getattr(self, name)}")
+        for name in ("decay", "jitter", "seed"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"training: {name} must not be negative, got {getattr(self, name)}")
 
 
 def recommended(kind: Kind) -> TrainingOptions:

@@ -131,7 +131,7 @@ def _check(data: LearningSet, options: TrainingOptions) -> None:
         raise InputError("training data: no transition of a known category")
     for part, name in ((TRAIN, "train on"), (VALIDATION, "calibrate on"), (TEST, "test on")):
         if not len(data.rows(part)):
-            raise InputError(f"training data: too few scenes, none is left to {name}; collect more")
+            raise InputError(f"training data: too few scenes, none is left to {name}; collect more, some 20 at least")
     if not data.feasible[data.rows(TRAIN)].any():
         raise InputError("training data: no feasible transition among them, so there is no outcome to learn")
     if options.kind == "palms":

@@ -65,7 +65,9 @@ def test_the_lessons_of_each_kind(toy_labels) -> None:
     palms = lessons(learning_set(toy_labels(400)), TrainingOptions(kind="palms", members=2))
     assert [lesson.name for lesson in palms] == [f"palms{n}_member{k}" for n in (0, 1, 2) for k in (0, 1)]
     assert sum(len(lesson.x) for lesson in palms[::2]) == len(learning_set(toy_labels(400)).rows(TRAIN))
-    held = palms[2].x[:, [22, 33]]  # left palm, right palm, of transitions that begin with one: brought to the left side
+    held = palms[2].x[
+        :, [22, 33]
+    ]  # left palm, right palm, of transitions that begin with one: brought to the left side
     assert (held == [1.0, 0.0]).all()
     documented = lessons(learning_set(labels, frame="heading"), TrainingOptions(kind="documented"))
     assert [d.name for d in documented] == ["classifier0", "regressor0", "classifier5", "regressor5"]
