@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
