@@ -175,11 +175,12 @@ class ContactPlanner:
         search = self.search
         if search is None:
             return "not searched yet"
+        counts = ", ".join(f"{name} {count}" for name, count in self.domain.rejections.most_common() if count)
+        why = f"candidates rejected by: {counts or 'nothing'}"
         if search.ended_by in ("deadline", "cancelled", "expansions"):
             limit = {"deadline": "deadline", "cancelled": "cancelled", "expansions": "expansion budget spent"}
-            return f"{limit[search.ended_by]} after {search.expansions} expansions"
-        counts = ", ".join(f"{name} {count}" for name, count in self.domain.rejections.most_common() if count)
-        return f"search exhausted after {search.expansions} expansions; candidates rejected by: {counts or 'nothing'}"
+            return f"{limit[search.ended_by]} after {search.expansions} expansions; {why}"
+        return f"search exhausted after {search.expansions} expansions; {why}"
 
     def _evaluator(self, robot: Robot) -> DynamicsEvaluator:
         exact = ExactDynamics(self.pool, robot, self.options.timing.options(robot, self.options.cone))

@@ -220,7 +220,8 @@ class MotionMaker:
         failed = sorted({min(max(b - 1, 0) // 2, last) for b in keys.failures()})
         if failed:
             timings["dynamics_s"] += time.perf_counter() - began
-            reason = "no posture for " + ", ".join(f"transition {k}" for k in failed)
+            more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
+            reason = f"no posture for transition {', '.join(map(str, failed[:3]))}{more}"
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
         dynamics = SequenceDynamics(self.robot, schedule, self.options.cone, self.options.dt)
         frames = MotionFrames(self.setting, schedule, keys, dynamics, guide)
