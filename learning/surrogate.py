@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -117,6 +118,9 @@ class DynamicsSurrogate:
         return arrays | {"range.limit": self.range.limit}
 
 
+_LOADED: dict[Hashable, DynamicsSurrogate] = {}  # read once, as long as the files stay what they are
+
+
 def dynamics_fingerprint(robot: Robot) -> str:
     """SHA-256 over what the dynamics of a transition depend on: mass, patches, reaches, heights and force limits."""
     facts = [robot.mass, robot.half_extents, robot.com_height, robot.com_reach, robot.force_limit]
@@ -135,16 +139,25 @@ def load_surrogate(robot: str | Robot, folder: Path | None = None) -> DynamicsSu
         WeightsError: they are damaged, of another version, or of another robot.
     """
     robot = load_robot(robot) if isinstance(robot, str) else robot
+    place = folder or PRETRAINED / robot.name
+    files = [place / f"{NAME}.{ending}" for ending in ("json", "safetensors")]
+    changed = tuple(file.stat().st_mtime_ns if file.is_file() else 0 for file in files)
+    key = (place, changed, robot.name, dynamics_fingerprint(robot))
+    if key not in _LOADED:
+        _LOADED[key] = surrogate_from(*_read(robot, place, packaged=folder is None), robot)
+    return _LOADED[key]
+
+
+def _read(robot: Robot, place: Path, *, packaged: bool) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     try:
-        tensors, card = read_weights(folder or PRETRAINED / robot.name, NAME)
+        return read_weights(place, NAME)
     except NoWeightsError:
-        if folder is not None:
+        if not packaged:
             raise
         raise NoWeightsError(
             f"robot {robot.name!r} has no learned dynamics: use the exact program (--dynamics exact), or make weights "
             f"with `drakeplan collect dynamics` and `drakeplan train dynamics`"
         ) from None
-    return surrogate_from(tensors, card, robot)
 
 
 def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: Robot) -> DynamicsSurrogate:
