@@ -24,6 +24,7 @@ from typing import Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 State = TypeVar("State", bound=Hashable)
+Reached = TypeVar("Reached", bound=Hashable, contravariant=True)
 
 TINY = 1e-9  # a heuristic below this counts as zero: the state is as good as at the goal
 
@@ -49,10 +50,10 @@ class Domain(Protocol[State]):
 
 
 @runtime_checkable
-class LateCosts(Protocol[State]):
+class LateCosts(Protocol[Reached]):
     """A domain that knows the whole cost of reaching a state only after its first check."""
 
-    def late_cost(self, state: State) -> float:
+    def late_cost(self, state: Reached) -> float:
         """What is added, >= 0, to the cost of any edge to this state, which has been confirmed."""
         ...
 
