@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from drakeplan.bench.surrogate_times import expansion
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from learning.transition_batch import TransitionBatch
+from learning.transition_features import NUM_CATEGORIES
 from learning.weights import PRETRAINED
 from optimization.transition_dynamics import TransitionDynamics
 from scenes.contact import Contact, contact_pose
@@ -43,6 +45,24 @@ def test_the_card_says_what_the_weights_are(surrogate) -> None:
     assert card["robot"] == "escher" and card["data"]["fingerprint"] and card["measured"]["categories"]
     assert sum(card["rows"]["train"]) > 10_000 and min(card["rows"]["test"]) > 0
     assert surrogate.threshold.min() > 0.0 and surrogate.threshold.max() <= 0.5
+
+
+def test_the_card_of_the_labels_is_that_of_the_data_they_were_trained_on(surrogate) -> None:
+    labels = json.loads((PRETRAINED / "escher" / "labels.json").read_text())
+    for key in ("campaign", "version", "seed", "rows", "sha256", "parameters"):
+        assert labels[key] == surrogate.card["data"][key], key
+    rows, infeasible = np.zeros(NUM_CATEGORIES, int), np.zeros(NUM_CATEGORIES, int)
+    for entry in labels["counts"]:
+        rows[entry["category"]] += entry["rows"]
+        infeasible[entry["category"]] += entry["rows"] * (not entry["feasible"])
+    assert rows.min() >= 20_000 and rows.sum() == labels["rows"]
+    assert (infeasible / rows).min() > 0.2
+
+
+def test_on_scenes_never_seen_it_is_as_good_as_the_documents_say(surrogate) -> None:
+    """Lin 2020 fig. 6.10, on states as a planner meets them; balanced accuracy on all held-out scenes."""
+    fits = [fit for fit in surrogate.card["measured"]["categories"] if fit["category"] >= 0]
+    assert all(fit["balanced"] > 0.9 and min(fit["feasible"], 1 - fit["feasible"]) >= 0.2 for fit in fits)
 
 
 def test_an_ordinary_step_is_feasible_and_ends_over_the_feet(surrogate) -> None:
