@@ -145,7 +145,8 @@ def solve_key_postures(
     q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    answer = _apart(tree, monitor, targets, answer, placed, spread)
+    room = _Room.of(robot, monitor, spread)
+    answer = _apart(tree, monitor, targets, answer, placed, room)
     keys = _judged(ik.kinematics, answer, polygons)
     failures = keys.failures()
     if failures:
@@ -153,7 +154,7 @@ def solve_key_postures(
         solve = np.isin(np.arange(len(q)), failures)
         q = np.where(solve[:, None], targets.q_ref, answer.q)
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
-        answer = _apart(tree, monitor, targets, answer, placed, spread, reserve=0.0)
+        answer = _apart(tree, monitor, targets, answer, placed, room, reserve=0.0)
         keys = _judged(ik.kinematics, answer, polygons)
     return keys
 
@@ -218,7 +219,8 @@ def solve_course(
         tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
     )  # fmt: skip
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), spread).q
+    room = _Room.of(robot, monitor, spread)
+    q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
     reached = np.array([ik.kinematics.com(x) for x in q])
     needed = np.arange(num) < len(swinging)
     needed |= np.linalg.norm(reached - com, axis=1) > STRAIGHT
@@ -228,30 +230,56 @@ def solve_course(
     return Course(key_t[order], np.concatenate([keys.q, q[needed]])[order], all_com[order])
 
 
+@dataclass(frozen=True)
+class _Room:
+    """How far free arms keep from everything: no further from the body than they hang in the nominal posture.
+
+    Attributes:
+        spread: distance where nothing says otherwise [m].
+        least: distance of bodies that are nearer than that in the nominal posture [m], by their names.
+    """
+
+    spread: float
+    least: dict[tuple[str, str], float]
+
+    @classmethod
+    def of(cls, robot: Robot, monitor: ProximityMonitor, spread: float) -> _Room:
+        met = monitor.near(np.array(robot.q_nominal, float)[None], [0], spread)
+        met = met.where(~met.with_terrain)
+        least: dict[tuple[str, str], float] = {}
+        for bodies, distance in zip(met.bodies, met.distance.tolist(), strict=True):
+            least[bodies] = max(min(distance, least.get(bodies, spread)), APART)
+        return cls(spread, least)
+
+    def wanted(self, met: Encounters) -> np.ndarray:
+        """(R,) distance of these pairs [m]."""
+        return np.array([self.least.get(bodies, self.spread) for bodies in met.bodies])
+
+
 def _apart(
     tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
-    placed: np.ndarray, spread: float, reserve: float = RESERVE,
+    placed: np.ndarray, room: _Room, reserve: float = RESERVE,
 ) -> TrackedPostures:  # fmt: skip
     """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
 
     Args:
         placed: (n, E), not negative where an end effector may not move.
-        spread: distance that arms keep which are not placed [m]; everything else keeps `APART`.
+        room: distance that arms keep which are not placed; everything else keeps `APART`.
         reserve: length that legs keep unused [m].
     """
     num = len(answer.q)
     chains = {e: _chain(tree, e) for e in (2, 3)}
     arms = {link: e for e, chain in chains.items() for link in chain[: len(chain) // 2]}  # forearms and hands
     for _ in range(ROUNDS):
-        met = monitor.near(answer.q, range(num), spread + SEEN)
+        met = monitor.near(answer.q, range(num), room.spread + SEEN)
         met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
-        legs, room = _legs(tree, answer.q)
+        legs, left = _legs(tree, answer.q)
         arm = np.array([[arms.get(int(link), -1) for link in pair] for pair in met.link]).reshape(-1, 2)
         free = ((arm >= 0) & (placed[met.frame[:, None], np.maximum(arm, 0)] < 0)).any(axis=1)
-        wanted = np.where(free, spread, APART)
+        wanted = np.where(free, room.wanted(met), APART)
         close = np.zeros(num, dtype=bool)
         close[met.frame[met.distance < wanted - 2e-3]] = True
-        close[legs.frame[room < reserve - 2e-3]] = True
+        close[legs.frame[left < reserve - 2e-3]] = True
         if not close.any():
             break
         both = met.joined(legs)

@@ -56,6 +56,17 @@ def test_the_slab_is_crossed_with_a_palm_and_not_without() -> None:
 
 
 @pytest.mark.slow
+def test_a_packaged_robot_walks_with_what_its_nominal_posture_leaves_its_arms() -> None:
+    try:
+        robot = load_robot("jvrc1")
+    except InputError as error:
+        pytest.skip(str(error))
+    result = plan_scene(load_scene("flat"), robot, PlanOptions(improve=0.0))
+    assert result.status == "complete", result.reason
+    assert any("no learned dynamics" in note for note in result.notes)
+
+
+@pytest.mark.slow
 def test_a_mesh_is_crossed() -> None:
     pytest.importorskip("trimesh")
     try:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drakeplan.bench.surrogate_times import expansion
+from learning.fit_report import DOCUMENTED
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import NUM_CATEGORIES
@@ -63,6 +64,8 @@ def test_on_scenes_never_seen_it_is_as_good_as_the_documents_say(surrogate) -> N
     """Lin 2020 fig. 6.10, on states as a planner meets them; balanced accuracy on all held-out scenes."""
     fits = [fit for fit in surrogate.card["measured"]["categories"] if fit["category"] >= 0]
     assert all(fit["balanced"] > 0.9 and min(fit["feasible"], 1 - fit["feasible"]) >= 0.2 for fit in fits)
+    met = [fit for fit in surrogate.card["measured"]["visited"] if fit["category"] >= 0]
+    assert sum(fit["com_error"] <= DOCUMENTED[fit["category"]][3] for fit in met) >= 8
 
 
 def test_an_ordinary_step_is_feasible_and_ends_over_the_feet(surrogate) -> None:
