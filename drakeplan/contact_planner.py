@@ -11,7 +11,8 @@ import numpy as np
 
 from drakeplan.contact_domain import ContactDomain, HeuristicName, PlannerWeights, State
 from drakeplan.contact_pool import ContactPool
-from drakeplan.dynamic_domain import DynamicDomain, DynamicWeights
+from drakeplan.dynamic_costs import DynamicWeights
+from drakeplan.dynamic_domain import DynamicDomain
 from drakeplan.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.hindsight_domain import GREED, WINDOW, HindsightDomain
 from drakeplan.search.ana_star import AnaStar, Domain, Limits
@@ -161,7 +162,7 @@ class ContactPlanner:
             com, effort = None, None
             if self.dynamic is not None:
                 com = np.array([self.dynamic.com_state(s)[0] for s in found.path])
-                effort = self.dynamic.effort(found.path, found.cost)
+                effort = self.dynamic.costs.effort(found.path, found.cost)
             yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed, com, effort)
 
     def forbid(self, before: State, after: State) -> None:

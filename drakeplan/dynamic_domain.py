@@ -13,32 +13,17 @@ of inverse kinematics when a state is popped, with the CoM held where the dynami
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from drakeplan.contact_domain import ContactDomain
 from drakeplan.contact_pool import Held
+from drakeplan.dynamic_costs import DynamicCosts, DynamicWeights
 from drakeplan.dynamics_evaluator import DynamicsEvaluator
 
 State = tuple[int, ...]  # six: left foot, right foot, left palm, right palm, last mover, CoM state
 COM_CELL = 0.05  # [m] CoM positions of one stance nearer than this count as one,
 VELOCITY_CELL = 0.1  # [m/s] given velocities nearer than this
-
-
-@dataclass(frozen=True)
-class DynamicWeights:
-    """Weights of the edge cost (6.6), with the documents' values as defaults.
-
-    Attributes:
-        distance: w_xy [1/m].
-        step: w_s, cost of one transition.
-        dynamics: w_dyn, on the objective of the centroidal program.
-    """
-
-    distance: float = 1.0
-    step: float = 3.0
-    dynamics: float = 0.1
 
 
 class DynamicDomain:
@@ -53,15 +38,12 @@ class DynamicDomain:
         self, contacts: ContactDomain, evaluator: DynamicsEvaluator, weights: DynamicWeights | None = None
     ) -> None:
         self.contacts, self.evaluator = contacts, evaluator
-        self.weights = weights or DynamicWeights()
+        self.costs = DynamicCosts(contacts, weights or DynamicWeights())
         self.rejections = contacts.rejections
         self.careful = False
         self._com: list[np.ndarray] = []
         self._velocity: list[np.ndarray] = []
         self._number: dict[tuple[object, ...], int] = {}
-        # A foot that translates by d moves the mean of the feet by d / 2.
-        per_step = 0.5 * contacts.robot.max_foot_translation
-        self._per_metre = self.weights.distance + self.weights.step / per_step
 
     def start(self, held: Held, com: np.ndarray) -> State:
         """The state of standing still on these contacts with the CoM (3,) here [m]."""
@@ -86,20 +68,11 @@ class DynamicDomain:
             states.append((*child, self._com_state(child[:4], estimates.com[k], estimates.velocity[k])))
         if not states:
             return [], np.zeros(0)
-        weights = self.weights
-        travel = np.linalg.norm(self._feet_mean(states) - self._feet_mean([state]), axis=1)
-        return states, weights.distance * travel + weights.step + weights.dynamics * estimates.cost[feasible]
-
-    def effort(self, path: Sequence[State], cost: float) -> float:
-        """Sum of d_dyn over a path of this cost: what is left of it without ways and steps (6.6)."""
-        mean = self._feet_mean(path)
-        way = float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum())
-        rest = cost - self.weights.distance * way - self.weights.step * (len(path) - 1)
-        return rest / self.weights.dynamics if self.weights.dynamics > 0 else float("nan")
+        return states, self.costs.of_steps(state, states) + self.costs.weights.dynamics * estimates.cost[feasible]
 
     def heuristic(self, states: Sequence[State]) -> np.ndarray:
         """(n,) estimated cost to go (6.7); future dynamics are not in it."""
-        return self.contacts.distance_to_go([s[:5] for s in states]) * self._per_metre
+        return self.costs.to_go(states)
 
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region."""
@@ -116,10 +89,6 @@ class DynamicDomain:
         if reason:
             self.rejections[reason] += 1
         return not reason
-
-    def _feet_mean(self, states: Sequence[State]) -> np.ndarray:
-        p = self.contacts.pool.p
-        return 0.5 * (p[[s[0] for s in states], :2] + p[[s[1] for s in states], :2])
 
     def _com_state(self, held: Held, com: np.ndarray, velocity: np.ndarray) -> int:
         cell = (

@@ -20,7 +20,8 @@ import numpy as np
 
 from drakeplan.contact_domain import ContactDomain
 from drakeplan.contact_pool import Held
-from drakeplan.dynamic_domain import COM_CELL, VELOCITY_CELL, DynamicWeights, State
+from drakeplan.dynamic_costs import DynamicCosts, DynamicWeights
+from drakeplan.dynamic_domain import COM_CELL, VELOCITY_CELL, State
 from drakeplan.dynamics_evaluator import stance_of
 from optimization.tail_dynamics import BodyState, TailDynamics
 
@@ -68,14 +69,11 @@ class HindsightDomain:
         if window < 1:
             raise ValueError(f"window: expected at least one transition, got {window}")
         self.contacts, self.evaluator, self.window = contacts, evaluator, window
-        self.weights = weights or DynamicWeights()
+        self.costs = DynamicCosts(contacts, weights or DynamicWeights())
         self.rejections = contacts.rejections
         self.careful = False
         self._tails: list[_Tail] = []
         self._number: dict[tuple[object, ...], int] = {}
-        # A foot that translates by d moves the mean of the feet by d / 2.
-        per_step = 0.5 * contacts.max_travel
-        self._per_metre = self.weights.distance + self.weights.step / per_step
 
     def start(self, held: Held, com: np.ndarray) -> State:
         """The state of standing still on these contacts with the CoM (3,) here [m]."""
@@ -103,12 +101,11 @@ class HindsightDomain:
             assert tail.second is not None  # only confirmed states are expanded
             start, kept = tail.second, kept[1:]
         states = [(*child, self._tail(start, (*kept, tuple(child[:4])))) for child in children]
-        travel = np.linalg.norm(self._feet_mean(states) - self._feet_mean([state]), axis=1)
-        return states, self.weights.distance * travel + self.weights.step
+        return states, self.costs.of_steps(state, states)
 
     def heuristic(self, states: Sequence[State]) -> np.ndarray:
         """(n,) estimated cost to go (6.7); future dynamics are not in it."""
-        return self.contacts.distance_to_go([s[:5] for s in states]) * self._per_metre
+        return self.costs.to_go(states)
 
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region."""
@@ -132,14 +129,7 @@ class HindsightDomain:
     def late_cost(self, state: State) -> float:
         """What the dynamics add to the cost of the edge to a confirmed state (6.6)."""
         tail = self._tails[state[5]]
-        return self.weights.dynamics * tail.cost / (len(tail.held) - 1)
-
-    def effort(self, path: Sequence[State], cost: float) -> float:
-        """Sum of d_dyn over a path of this cost: what is left of it without ways and steps (6.6)."""
-        mean = self._feet_mean(path)
-        way = float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum())
-        rest = cost - self.weights.distance * way - self.weights.step * (len(path) - 1)
-        return rest / self.weights.dynamics if self.weights.dynamics > 0 else float("nan")
+        return self.costs.weights.dynamics * tail.cost / (len(tail.held) - 1)
 
     def _ask(self, tail: _Tail) -> None:
         """Solves a tail's program and looks for postures."""
@@ -154,10 +144,6 @@ class HindsightDomain:
         tail.second, tail.end = dynamics.at_touchdown(trajectory, 0), dynamics.at_touchdown(trajectory, last)
         lift = dynamics.at_lift_off(trajectory, last)
         tail.reason = check.at_com(tail.held[-2], lift.com) or check.at_com(tail.held[-1], tail.end.com)
-
-    def _feet_mean(self, states: Sequence[State]) -> np.ndarray:
-        p = self.contacts.pool.p
-        return 0.5 * (p[[s[0] for s in states], :2] + p[[s[1] for s in states], :2])
 
     def _tail(self, start: BodyState, held: tuple[Held, ...]) -> int:
         velocity = start.linear_momentum / self.contacts.robot.mass

@@ -10,7 +10,8 @@ import pytest
 from drakeplan.contact_domain import ContactDomain, PlannerWeights
 from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.contact_pool import ContactPool
-from drakeplan.dynamic_domain import COM_CELL, DynamicDomain, DynamicWeights
+from drakeplan.dynamic_costs import DynamicWeights
+from drakeplan.dynamic_domain import COM_CELL, DynamicDomain
 from drakeplan.dynamics_evaluator import ExactDynamics, TransitionEstimates, stance_of
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
-from drakeplan.dynamic_domain import DynamicWeights
+from drakeplan.dynamic_costs import DynamicWeights
 from drakeplan.hindsight_domain import HindsightDomain
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
