@@ -33,6 +33,7 @@ def draw_training(folder: Path) -> Path:
 def draw_learning_curve(curve: LearningCurve, folder: Path) -> Path:
     """`learning_curve.png`: each error over the rows trained on, with the fitted power law up to four times the rows."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(13, 3.6))
     rows, errors = curve.errors()
@@ -42,6 +43,7 @@ def draw_learning_curve(curve: LearningCurve, folder: Path) -> Path:
         reach = np.geomspace(rows[0], 4.0 * rows[-1], 20)
         axes.loglog(reach, [law.at(n) for n in reach], color="0.6", label=f"rows^-{law.exponent:.2f}")
         axes.set(xlabel="rows trained on", title=name)
+        axes.xaxis.set_minor_formatter(NullFormatter())  # there is room for powers of ten alone
         shown = error[np.isfinite(error) & (error > 0)]
         if len(shown):  # a flat curve looks flat
             axes.set_ylim(0.5 * shown.min(), 2.0 * shown.max())
