@@ -16,12 +16,12 @@ from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
 from drakeplan.dynamics import Guide
-from drakeplan.encounters import KEEP, Encounters, ProximityMonitor
+from drakeplan.encounters import ProximityMonitor
 from drakeplan.phases import MOVE, Schedule
+from drakeplan.posture_room import Room, apart
 from drakeplan.swing import SwingCurve
 from optimization.frame_task import LEVER, TrackingTargets
 from optimization.friction import cone_generators
-from optimization.kinematic_tree import KinematicTree, forward
 from optimization.kinematics import Kinematics
 from optimization.posture_tracking import TrackedPostures, track_postures
 from optimization.static_equilibrium import com_polygon
@@ -34,16 +34,13 @@ MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach tha
 MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
-APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
 SPREAD = 0.06  # [m] distance that arms which hang free keep from everything else in key postures
-RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
 HALFWAY = 0.45  # share of a phase at which its middle posture is taken
 STRAIGHT = 0.008  # [m] that a CoM halfway between key postures may be off where it only shifts
 FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
 GUIDED = 0.05  # [m] that the CoM may be off a guide, per axis
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
-ROUNDS = 4  # of moving bodies apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +142,8 @@ def solve_key_postures(
     q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    room = _Room.of(robot, monitor, spread)
-    answer = _apart(tree, monitor, targets, answer, placed, room)
+    room = Room.of(robot, monitor, spread)
+    answer = apart(tree, monitor, targets, answer, placed, room)
     keys = _judged(ik.kinematics, answer, polygons)
     failures = keys.failures()
     if failures:
@@ -154,7 +151,7 @@ def solve_key_postures(
         solve = np.isin(np.arange(len(q)), failures)
         q = np.where(solve[:, None], targets.q_ref, answer.q)
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
-        answer = _apart(tree, monitor, targets, answer, placed, room, reserve=0.0)
+        answer = apart(tree, monitor, targets, answer, placed, room, reserve=0.0)
         keys = _judged(ik.kinematics, answer, polygons)
     return keys
 
@@ -219,8 +216,8 @@ def solve_course(
         tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
     )  # fmt: skip
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
-    room = _Room.of(robot, monitor, spread)
-    q = _apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
+    room = Room.of(robot, monitor, spread)
+    q = apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
     reached = np.array([ik.kinematics.com(x) for x in q])
     needed = np.arange(num) < len(swinging)
     needed |= np.linalg.norm(reached - com, axis=1) > STRAIGHT
@@ -228,106 +225,6 @@ def solve_course(
     order = np.argsort(key_t)
     all_com = np.concatenate([keys.com, reached[needed]])
     return Course(key_t[order], np.concatenate([keys.q, q[needed]])[order], all_com[order])
-
-
-@dataclass(frozen=True)
-class _Room:
-    """How far free arms keep from everything: no further from the body than they hang in the nominal posture.
-
-    Attributes:
-        spread: distance where nothing says otherwise [m].
-        least: distance of bodies that are nearer than that in the nominal posture [m], by their names.
-    """
-
-    spread: float
-    least: dict[tuple[str, str], float]
-
-    @classmethod
-    def of(cls, robot: Robot, monitor: ProximityMonitor, spread: float) -> _Room:
-        met = monitor.near(np.array(robot.q_nominal, float)[None], [0], spread)
-        met = met.where(~met.with_terrain)
-        least: dict[tuple[str, str], float] = {}
-        for bodies, distance in zip(met.bodies, met.distance.tolist(), strict=True):
-            least[bodies] = max(min(distance, least.get(bodies, spread)), APART)
-        return cls(spread, least)
-
-    def wanted(self, met: Encounters) -> np.ndarray:
-        """(R,) distance of these pairs [m]."""
-        return np.array([self.least.get(bodies, self.spread) for bodies in met.bodies])
-
-
-def _apart(
-    tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
-    placed: np.ndarray, room: _Room, reserve: float = RESERVE,
-) -> TrackedPostures:  # fmt: skip
-    """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
-
-    Args:
-        placed: (n, E), not negative where an end effector may not move.
-        room: distance that arms keep which are not placed; everything else keeps `APART`.
-        reserve: length that legs keep unused [m].
-    """
-    num = len(answer.q)
-    chains = {e: _chain(tree, e) for e in (2, 3)}
-    arms = {link: e for e, chain in chains.items() for link in chain[: len(chain) // 2]}  # forearms and hands
-    for _ in range(ROUNDS):
-        met = monitor.near(answer.q, range(num), room.spread + SEEN)
-        met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
-        legs, left = _legs(tree, answer.q)
-        arm = np.array([[arms.get(int(link), -1) for link in pair] for pair in met.link]).reshape(-1, 2)
-        free = ((arm >= 0) & (placed[met.frame[:, None], np.maximum(arm, 0)] < 0)).any(axis=1)
-        wanted = np.where(free, room.wanted(met), APART)
-        close = np.zeros(num, dtype=bool)
-        close[met.frame[met.distance < wanted - 2e-3]] = True
-        close[legs.frame[left < reserve - 2e-3]] = True
-        if not close.any():
-            break
-        both = met.joined(legs)
-        order = np.argsort(np.concatenate([met.frame, legs.frame]), kind="stable")
-        goal = np.concatenate([wanted, reserve - _lengths(tree)[legs.effector]])[order]
-        weight = np.concatenate([np.full(len(met), KEEP), np.full(len(legs), BEND)])[order]
-        rows = both.rows(num, goal, weight)
-        targets = replace(targets, rows=rows)
-        answer = track_postures(tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
-    return answer
-
-
-def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
-    """Both legs in every configuration as pairs (hip, ankle) that must not be further apart than wanted.
-
-    The normal points from hip to ankle, so that the distance along it is minus their distance. Returns the pairs, and
-    (R,) what is left of each leg's length [m].
-    """
-    num_links = tree.parent.shape[0]
-    R, p = np.empty((num_links, 3, 3)), np.empty((num_links, 3))
-    links = [(_chain(tree, e)[-1], int(tree.frame_link[e])) for e in (0, 1)]
-    normal, room = np.empty((len(q), 2, 3)), np.empty((len(q), 2))
-    lengths = _lengths(tree)
-    for b, row in enumerate(q):
-        forward(tree, row, R, p)
-        for e, (hip, ankle) in enumerate(links):
-            leg = p[ankle] - p[hip]
-            length = max(float(np.linalg.norm(leg)), 1e-6)
-            normal[b, e], room[b, e] = leg / length, lengths[e] - length
-    count = 2 * len(q)
-    pairs = Encounters(
-        np.repeat(np.arange(len(q)), 2), room.ravel(), np.tile(np.array(links), (len(q), 1)),
-        np.zeros((count, 2, 3)), normal.reshape(-1, 3), np.tile([0, 1], len(q)), (("hip", "ankle"),) * count,
-    )  # fmt: skip
-    return pairs, room.ravel()
-
-
-def _chain(tree: KinematicTree, e: int) -> list[int]:
-    """Links from the one that carries end effector e up to the first below the base."""
-    chain = [int(tree.frame_link[e])]
-    while tree.parent[chain[-1]] > 0:
-        chain.append(int(tree.parent[chain[-1]]))
-    return chain
-
-
-def _lengths(tree: KinematicTree) -> np.ndarray:
-    """(2,) length of each leg stretched, from its first joint to its last [m]."""
-    return np.array([np.linalg.norm(tree.p_PF[_chain(tree, e)[:-1]], axis=1).sum() for e in (0, 1)])
 
 
 def _judged(kinematics: Kinematics, answer: TrackedPostures, polygons: tuple[np.ndarray, ...]) -> KeyPostures:

@@ -18,8 +18,7 @@ from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.contact_schedule import ContactSchedule
-from scenes.input_error import InputError
+from optimization.transition_dynamics import transition_schedule
 from scenes.robot import Robot
 from scenes.stance import Stance
 
@@ -73,17 +72,7 @@ class TailDynamics:
         Raises:
             InputError: a pair of stances that does not differ in exactly one end effector, or numbers that are not finite.
         """
-        options = self.options
-        try:
-            schedule = ContactSchedule.from_stances(
-                stances,
-                dt=options.dt,
-                shift_time=options.shift_time,
-                swing_time=options.swing_time,
-                settle_time=options.dt,
-            )
-        except ValueError as error:
-            raise InputError(f"transitions: {error}") from error
+        schedule = transition_schedule(stances, self.options)
         problem = CentroidalProblem(
             schedule=schedule,
             mass=self.robot.mass,

@@ -5,7 +5,7 @@ Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (di
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,24 @@ from scenes.stance import Stance
 def transition_options(robot: Robot, cone: str = DEFAULT_CONE) -> CentroidalOptions:
     """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible."""
     return replace(CentroidalOptions.for_robot(robot, cone), rest_at_end=False, explain=False)
+
+
+def transition_schedule(stances: Sequence[Stance], options: CentroidalOptions) -> ContactSchedule:
+    """Stances in the time that the options give each transition; one interval more makes the last contact count.
+
+    Raises:
+        InputError: a pair of stances that does not differ in exactly one end effector.
+    """
+    try:
+        return ContactSchedule.from_stances(
+            stances,
+            dt=options.dt,
+            shift_time=options.shift_time,
+            swing_time=options.swing_time,
+            settle_time=options.dt,
+        )
+    except ValueError as error:
+        raise InputError(f"transition: {error}") from error
 
 
 class TransitionDynamics:
@@ -45,17 +63,7 @@ class TransitionDynamics:
 
     def problem(self, before: Stance, after: Stance, com: np.ndarray, linear_momentum: np.ndarray) -> CentroidalProblem:
         """The centroidal problem of one transition; arguments as for `estimate`."""
-        options = self.options
-        try:
-            schedule = ContactSchedule.from_stances(
-                [before, after],
-                dt=options.dt,
-                shift_time=options.shift_time,
-                swing_time=options.swing_time,
-                settle_time=options.dt,
-            )
-        except ValueError as error:
-            raise InputError(f"transition: {error}") from error
+        schedule = transition_schedule([before, after], self.options)
         return CentroidalProblem(
             schedule=schedule,
             mass=self.robot.mass,

@@ -1,5 +1,7 @@
 """Single transitions: the same answers as programs built for them, timing, the state that is handed on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,3 +101,16 @@ def test_the_options_come_from_the_robot():
     assert np.array_equal(options.com_reach, ROBOT.com_reach)
     assert not options.rest_at_end
     assert (options.dt, options.shift_time, options.swing_time) == (0.2, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("palm", [False, True])
+def test_where_the_iteration_ends_does_not_decide_where_the_com_ends(palm):
+    usual = transition_options(ROBOT)
+    tight = replace(usual, tolerance=0.1 * usual.tolerance, max_iterations=3 * usual.max_iterations)
+    ends = []
+    for options in (usual, tight):
+        dynamics = TransitionDynamics(ROBOT, options)
+        estimate = dynamics.estimate(*step(palm=palm), COM, ROBOT.mass * np.array([0.05, 0.03, 0.0]))
+        assert estimate.feasible, estimate.reason
+        ends.append(dynamics.final_state(estimate)[0])
+    assert np.abs(ends[0] - ends[1]).max() < 1e-3
