@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from drakeplan.planning import PlanResult, plan_scene
     from drakeplan.playback import show_plan, write_page
     from drakeplan.verifier import Report, verify
+    from scenes.files.scene_source import list_scenes, load_scene
     from scenes.input_error import InputError
-    from scenes.robot import Robot, load_robot, robot_names
+    from scenes.robots.robot import Robot, load_robot, robot_names
     from scenes.scene import Goal, Scene, Start
-    from scenes.scene_source import list_scenes, load_scene
-    from scenes.surface import Surface
-    from scenes.terrain import Terrain
+    from scenes.terrain.surface import Surface
+    from scenes.terrain.terrain import Terrain
 
 __all__ = [
     "DeformOptions",
@@ -68,11 +68,11 @@ _HOMES = {
     "drakeplan.playback": ("show_plan", "write_page"),
     "drakeplan.verifier": ("Report", "verify"),
     "scenes.input_error": ("InputError",),
-    "scenes.robot": ("Robot", "load_robot", "robot_names"),
+    "scenes.robots.robot": ("Robot", "load_robot", "robot_names"),
     "scenes.scene": ("Goal", "Scene", "Start"),
-    "scenes.scene_source": ("list_scenes", "load_scene"),
-    "scenes.surface": ("Surface",),
-    "scenes.terrain": ("Terrain",),
+    "scenes.files.scene_source": ("list_scenes", "load_scene"),
+    "scenes.terrain.surface": ("Surface",),
+    "scenes.terrain.terrain": ("Terrain",),
 }
 
 

@@ -25,10 +25,10 @@ from drakeplan.torso_grid import TorsoGrid
 
 if TYPE_CHECKING:
     from drakeplan.transition_check import TransitionCheck
-from scenes.packed_terrain import PackedTerrain
-from scenes.projection import boxes_are_free, project_feet, project_palms
-from scenes.robot import Robot
+from scenes.footholds.projection import boxes_are_free, project_feet, project_palms
+from scenes.robots.robot import Robot
 from scenes.scene import Goal
+from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.transition_model import TransitionModel
 
 State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover

@@ -22,10 +22,10 @@ from drakeplan.transition_check import TransitionCheck
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.tail_dynamics import TailDynamics
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.packed_terrain import pack_terrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import pack_terrain
 from scenes.transition_model import TransitionModel, transition_model
 
 DynamicsName = Literal["quasi-static", "exact", "learned"]

@@ -6,7 +6,7 @@ import numpy as np
 
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
-from scenes.packed_terrain import PackedTerrain
+from scenes.terrain.packed_terrain import PackedTerrain
 
 Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 CELL = 0.02  # [m] contacts of one end effector nearer than this, on one surface, are one contact

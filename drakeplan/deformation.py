@@ -38,13 +38,13 @@ from optimization.elastic_problem import CONTACT, StripEstimate, StripOptions
 from optimization.elastic_strip import ElasticStrip
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
-from scenes.contact_regions import ContactRegions
+from scenes.files.scene_file import scene_from_yaml
+from scenes.footholds.contact_regions import ContactRegions
 from scenes.input_error import InputError
-from scenes.packed_terrain import PackedTerrain, pack_terrain
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
-from scenes.scene_file import scene_from_yaml
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 
 MAX_PER_PHASE = 10  # configurations; more make the strip slower and no better
 Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in

@@ -14,7 +14,7 @@ from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.contact_schedule import ContactSchedule
 from optimization.joint_torques import TorqueRows
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 # Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes
 # the least effort over the feet, wherever the legs reach.

@@ -17,7 +17,7 @@ from learning.surrogate import DynamicsSurrogate
 from learning.transition_batch import TransitionBatch
 from optimization.centroidal_options import CentroidalOptions
 from optimization.transition_dynamics import TransitionDynamics
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 

@@ -14,7 +14,7 @@ from pydrake.geometry import GeometryId, QueryObject
 from optimization.frame_task import DistanceRows
 from optimization.kinematics import Kinematics
 from scenes.effector import EFFECTORS
-from scenes.plant import RobotPlant
+from scenes.robots.plant import RobotPlant
 
 KEEP = 30.0  # weight of a distance [1/m]
 TERRAIN = -1  # the "link" of everything that stands still

@@ -17,7 +17,7 @@ from optimization.contact_schedule import ContactSchedule
 from optimization.timing_step import whole_cost
 from optimization.transition_dynamics import transition_options
 from scenes.contact import Contact
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 WORTH = 0.02  # relative decrease that is worth another step: durations are rounded to knots afterwards

@@ -27,7 +27,7 @@ from optimization.posture_tracking import TrackedPostures, track_postures
 from optimization.static_equilibrium import com_polygon
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
 MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that

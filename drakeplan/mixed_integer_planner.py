@@ -28,10 +28,10 @@ from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
 from optimization.step_reach import step_reach
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.input_error import unknown_name
-from scenes.packed_terrain import pack_terrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance, changed_effector
+from scenes.terrain.packed_terrain import pack_terrain
 from scenes.transition_model import TransitionModel, transition_model
 
 ADVANCE = 0.24  # [m] of the mean of the feet per foot contact: a walk at ease, from which the number of contacts starts

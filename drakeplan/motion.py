@@ -28,11 +28,11 @@ from optimization.inverse_dynamics import effort_limits
 from optimization.joint_torques import motion_torques
 from optimization.momentum_gap import MomentumGap
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.packed_terrain import pack_terrain
-from scenes.plant import RobotPlant, build_plant
-from scenes.robot import Robot
+from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
-from scenes.terrain import Terrain
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.terrain import Terrain
 
 FREE_BOUNDS = (
     (0.6, 1.6),

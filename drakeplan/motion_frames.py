@@ -34,8 +34,8 @@ from optimization.momentum_gap import Gap, MomentumGap
 from optimization.momentum_tracking import MomentumTargets, motion_momentum, motion_poses, track_momentum
 from optimization.posture_tracking import TrackedPostures, track_postures
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.packed_terrain import PackedTerrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
 
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most

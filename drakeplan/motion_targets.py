@@ -18,9 +18,9 @@ from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.frame_task import LEVER, TrackingTargets
 from optimization.kinematic_tree import KinematicTree
 from scenes.effector import is_foot
-from scenes.packed_terrain import PackedTerrain
-from scenes.projection import FOOT_CLEARANCE, PALM_CLEARANCE
-from scenes.robot import Robot
+from scenes.footholds.projection import FOOT_CLEARANCE, PALM_CLEARANCE
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
 
 NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and turn beside its contacts
 AIR = np.array([4.0, 0.5])  # and in the air, where the CoM leads and an ankle at its limit may give way

@@ -11,9 +11,9 @@ import numpy as np
 
 from drakeplan.motion import MotionResult
 from drakeplan.plan import Plan, PlanCentroidal, PlanMotion, PlanPhases, tabulate_stances
-from scenes.robot import Robot
+from scenes.files.scene_file import scene_to_yaml
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
-from scenes.scene_file import scene_to_yaml
 from scenes.stance import Stance
 
 PACKAGES = ("drakeplan", "drake", "numpy", "numba", "scipy")

@@ -31,7 +31,7 @@ from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError
 from optimization.friction import DEFAULT_CONE
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.stance import Stance
 from scenes.transition_model import transition_model

@@ -10,7 +10,7 @@ from drakeplan.encounters import KEEP, Encounters, ProximityMonitor
 from optimization.frame_task import TrackingTargets
 from optimization.kinematic_tree import KinematicTree, forward
 from optimization.posture_tracking import TrackedPostures, track_postures
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that

@@ -15,7 +15,7 @@ from optimization.centroidal import CentroidalProgram
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.contact_schedule import ContactSchedule
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 REST = 1.0  # [s] on the last stance

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 
 from scenes.effector import EFFECTORS
+from scenes.footholds.projection import set_down
 from scenes.input_error import InputError
-from scenes.packed_terrain import PackedTerrain
-from scenes.projection import set_down
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import PackedTerrain
 
 NUDGES = (
     0.0,

@@ -16,14 +16,14 @@ from optimization.friction import cone_index, frame_stands_alone
 from optimization.static_equilibrium import polygon_margin
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose, contact_rotation
-from scenes.contact_regions import ContactRegions, cover_terrain
 from scenes.effector import is_foot
+from scenes.footholds.contact_regions import ContactRegions, cover_terrain
 from scenes.input_error import InputError
-from scenes.packed_terrain import PackedTerrain, near, pack_terrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
-from scenes.surface import Surface
-from scenes.terrain import terrain_from
+from scenes.terrain.packed_terrain import PackedTerrain, near, pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import terrain_from
 
 START_RADIUS = 0.14  # [m] that the mean of the feet may be from the start: the verifier allows 15 cm
 GOAL_SLACK = 0.005  # [m] of the goal's radius left unused

@@ -10,7 +10,7 @@ from numba import njit
 
 from scenes.contact import Contact
 from scenes.effector import is_foot
-from scenes.packed_terrain import PackedTerrain, near, polygon_meets_box
+from scenes.terrain.packed_terrain import PackedTerrain, near, polygon_meets_box
 
 RISE = 0.4  # share of the swing that it takes to leave the old contact, or to land on the new one
 WAIT = 0.06  # share of the swing after which a foot also rises straight up and turns
@@ -25,7 +25,7 @@ LIFTS = (0.05, 0.08, 0.11, 0.14, 0.18, 0.22, 0.27, 0.32, 0.38)  # [m] tried from
 BACKS = (0.0, 0.06, 0.12)  # [m] away from what overhangs a contact, tried where no height does
 SIDES = (0.0, 0.05, 0.10, 0.15)  # [m] away from the other foot, tried in this order
 SAMPLES = 33  # poses tested along the curve; two of them are never further apart than a third of a sole
-GRAZE = 0.003  # [m] what a contact's neighbours may rise above its patch, as in scenes.projection
+GRAZE = 0.003  # [m] what a contact's neighbours may rise above its patch, as in scenes.footholds.projection
 HOVER = 0.10  # [m] where a palm waits before its wall and after it
 SHIN_HALF, SHIN_TOP = 0.055, 0.40  # [m] half width and height of the box that stands for the standing leg
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from optimization.centroidal_options import CentroidalOptions
 from optimization.transition_dynamics import transition_options
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 STEPS = (0.2, 0.1, 0.05)  # [s] between knots, the first that divides both parts
 LEAST, MOST = 0.1, 10.0  # [s] of either part

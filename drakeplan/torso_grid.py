@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from scenes.packed_terrain import PackedTerrain
-from scenes.projection import box_is_free, nothing_near
-from scenes.robot import Robot
+from scenes.footholds.projection import box_is_free, nothing_near
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
 
 TURNS = 12  # yaw cells, 30 deg each
 UNSEEN, SETTLED, BLOCKED = -1, -2, -3

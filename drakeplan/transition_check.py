@@ -17,8 +17,8 @@ from optimization.friction import cone_generators, cone_index, frame_stands_alon
 from optimization.static_equilibrium import com_polygon
 from optimization.terrain_clearance import limbs, penetration
 from optimization.whole_body_ik import IkOptions, WholeBodyIK
-from scenes.packed_terrain import PackedTerrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
 
 MAX_CORNERS = 48  # of a balance polygon
 BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,

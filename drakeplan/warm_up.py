@@ -9,10 +9,10 @@ from drakeplan.search.ana_star import Limits
 from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene, Start
-from scenes.surface import Surface
-from scenes.terrain import Box, Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
 
 
 def warm_up(robot: Robot, ik: WholeBodyIK) -> None:

@@ -34,7 +34,7 @@ from learning.transition_features import (
     canonicalise,
 )
 from learning.weights import PRETRAINED, NoWeightsError, WeightsError, read_weights
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 
 NAME = "dynamics"  # of the weight files in a robot's folder
 FRICTION_TOLERANCE = 1e-6

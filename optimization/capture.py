@@ -22,8 +22,8 @@ from optimization.friction import DEFAULT_CONE
 from optimization.kinodynamic import KinodynamicEstimate, KinodynamicOptions, KinodynamicProblem, KinodynamicProgram
 from optimization.momentum_gap import MomentumGap
 from scenes.input_error import InputError
-from scenes.plant import build_plant
-from scenes.robot import Robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import Robot
 
 STATE_COM, STATE_CONTACT, STATE_SPEED = 5e-3, 5e-3, 0.05  # [m, m, m/s] that a fitted start may be off
 # Of 400 random questions none was captured after a gap of more than 7.7 agreements at first, or 1.2 the second time;

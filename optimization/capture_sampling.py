@@ -13,7 +13,7 @@ import numpy as np
 from optimization.capture_question import CaptureQuestion
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT, RIGHT_PALM
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 # Lin 2020 fig. 7.3: stay on the foot, step with the other one, palm of the standing foot's side, palm of the other side

@@ -15,7 +15,7 @@ from optimization.kinematics import Kinematics
 from optimization.posture_tracking import TrackingTargets, track_postures
 from optimization.whole_body_ik import IkOptions, WholeBodyIK
 from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 HELD_WEIGHT, COM_WEIGHT, FREE_WEIGHT, POSTURE_WEIGHT = 300.0, 100.0, 10.0, 0.3  # [1/m, 1/rad]

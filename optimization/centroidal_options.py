@@ -9,7 +9,7 @@ import numpy as np
 
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 GRAVITY = 9.81  # [m/s^2], as in Drake
 REFERENCE_STEP = 0.2  # [s]: the documents sum their cost over knots of 0.2 s; other steps are weighted by dt / 0.2

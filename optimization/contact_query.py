@@ -11,10 +11,10 @@ from optimization.mixed_integer_solvers import MixedIntegerRecord
 from optimization.step_reach import StepReach
 from scenes.contact import Contact
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.stance import Stance
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
 SAME_PLACE = 1e-3  # [m, rad] a contact that moves less than this has not moved

@@ -10,7 +10,7 @@ from optimization.friction import cone_generators
 from optimization.static_equilibrium import com_polygon
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 MAX_CORNERS = 24  # of a balance polygon; the others matter least
 NARROW = 0.4  # share of the way from the nearest edge of a narrow polygon to its centroid that stands for the margin

@@ -16,7 +16,7 @@ from numba import njit
 from optimization.body_capsules import BodyCapsules, closest_on_segments
 from optimization.kinematic_tree import KinematicTree, point_jacobian
 from optimization.terrain_clearance import may_touch, over_polygon, place
-from scenes.packed_terrain import PackedTerrain, near
+from scenes.terrain.packed_terrain import PackedTerrain, near
 
 WITHIN = 0.04  # [m] behind a face: twice the thickness of a plate, since a foot may have come through it
 BODY_REACH = 1.0  # [m] no part of a body is further from its base than this in plan view

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenes.contact import Contact
-from scenes.contact_regions import ContactRegions
+from scenes.footholds.contact_regions import ContactRegions
 from scenes.input_error import InputError
 
 LIMITS, CONTACT, BALANCE, CLEARANCE, PLACE = "joint limits", "contact", "balance", "clearance", "start and goal"

@@ -10,7 +10,7 @@ from numba import njit
 from optimization.body_capsules import BodyCapsules, close_pairs, distance_row, make_rows
 from optimization.elastic_clearance import close_to_terrain, make_terrain_rows, terrain_row
 from optimization.kinematic_tree import KinematicTree, com_jacobian, forward, frame_jacobian, frame_pose
-from scenes.packed_terrain import PackedTerrain
+from scenes.terrain.packed_terrain import PackedTerrain
 
 MAX_TERRAIN, MAX_SELF = 12, 8  # distances that a configuration looks at
 SEEN = 0.06  # [m] beyond what is wanted, from which a distance is looked at

@@ -10,7 +10,7 @@ import numpy as np
 from optimization.elastic_check import frame_error, rotation_about
 from optimization.elastic_problem import StripProblem
 from optimization.kinematic_tree import KinematicTree, integrate
-from scenes.contact_regions import ContactRegions
+from scenes.footholds.contact_regions import ContactRegions
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,8 +33,8 @@ from optimization.kinematics import Kinematics
 from optimization.solvers import ConvexSolver, SolveRecord, SolverSettings
 from optimization.static_equilibrium import polygon_margin
 from scenes.effector import is_foot
-from scenes.packed_terrain import PackedTerrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
 
 LEVER = 0.3  # [m] an angle of 1 rad counts as this distance
 SIDES = 12  # of the polygon that stands for a circle

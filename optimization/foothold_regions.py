@@ -15,10 +15,10 @@ import shapely
 from optimization.friction import cone_index, frame_stands_alone
 from scenes.contact import Contact, contact_pose, contact_rotation
 from scenes.effector import EFFECTORS
-from scenes.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE
-from scenes.robot import EffectorSpec, Robot
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE
+from scenes.robots.robot import EffectorSpec, Robot
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 MARGIN = 1e-3  # [m] regions stay this far inside, so that a solver's tolerance never puts a patch outside
 LEAST_AREA = 1e-4  # [m^2] smaller pieces are dropped

@@ -25,8 +25,8 @@ from optimization.momentum_gap import Gap, MomentumGap
 from optimization.momentum_tracking import MomentumTargets, TrackedMotion, track_momentum
 from optimization.swing_arcs import effector_arcs
 from scenes.input_error import InputError
-from scenes.plant import RobotPlant, build_plant
-from scenes.robot import Robot
+from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.robot import Robot
 
 HOLD = 300.0  # [1/m] weight of contacts that are held
 # Where CoM, linear and angular momentum of both halves agree, RMS and worst.

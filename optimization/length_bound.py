@@ -19,7 +19,7 @@ from optimization.foothold_regions import MARGIN, FootholdRegion, disc_region
 from optimization.step_graph import Foothold, StepGraph, could_step, graph_options, quiet
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 from scenes.transition_model import TransitionModel, transition_model

@@ -25,7 +25,7 @@ from pydrake.solvers import SnoptSolver, SolverOptions
 from pydrake.systems.framework import Context
 
 from scenes.effector import EFFECTORS
-from scenes.plant import RobotPlant
+from scenes.robots.plant import RobotPlant
 
 FLIPPED = 1.0  # [rad] from here an orientation went the wrong way round
 LEVER = 0.1  # [m] arm of the two points that fix an orientation; a patch's own size, so errors weigh like positions

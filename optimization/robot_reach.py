@@ -19,8 +19,8 @@ from scipy.optimize import minimize
 
 from optimization.posture import PostureOptions, PostureSolver
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM
-from scenes.plant import RobotPlant, build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.robot import load_robot
 
 SAMPLES = 4000  # random joint angles per figure
 STARTS = 6  # local searches from the best samples

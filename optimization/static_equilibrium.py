@@ -46,7 +46,7 @@ from scenes.effector import EFFECTORS
 from scenes.stance import Stance, changed_effector
 
 if TYPE_CHECKING:
-    from scenes.robot import Robot
+    from scenes.robots.robot import Robot
 
 MAX_WALK = 2000  # pivots of one polygon; 4 contacts under the 16-gon take 100
 DISTINCT = 1e-9  # [m] vertices that stand out less than this are left out

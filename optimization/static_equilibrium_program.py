@@ -24,7 +24,7 @@ from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 
 if TYPE_CHECKING:
-    from scenes.robot import Robot
+    from scenes.robots.robot import Robot
 
 ACCEPT = 1e-7  # Clp's own feasibility tolerance [M g, M g m]; an answer that violates a row by more is none
 

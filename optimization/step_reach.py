@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.transition_model import TransitionModel
 
 TURN_SHARE = 1.0  # of the transition model's greatest turns

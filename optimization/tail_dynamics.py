@@ -19,7 +19,7 @@ from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from optimization.transition_dynamics import transition_schedule
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 MOST_PROGRAMS = 60  # kept, by structure

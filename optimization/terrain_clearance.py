@@ -12,7 +12,7 @@ from numba import njit
 
 from optimization.body_capsules import BodyCapsules
 from optimization.kinematic_tree import KinematicTree, forward
-from scenes.packed_terrain import PackedTerrain, near
+from scenes.terrain.packed_terrain import PackedTerrain, near
 
 BODY_REACH = 1.0  # [m] no part of a body is further from its base than this in plan view
 

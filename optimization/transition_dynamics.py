@@ -17,7 +17,7 @@ from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.contact_schedule import ContactSchedule
 from optimization.friction import DEFAULT_CONE
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 

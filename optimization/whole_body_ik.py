@@ -35,8 +35,8 @@ from optimization.stance_task import (
     make_posture,
     measure,
 )
-from scenes.plant import build_plant
-from scenes.robot import Robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import Robot
 
 __all__ = ["IkAnswer", "IkOptions", "Shortfall", "StanceTask", "WholeBodyIK", "WholeBodyModel", "solve_stance"]
 

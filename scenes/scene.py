@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scenes.contact import Contact
 from scenes.disturbance import Disturbance
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ from optimization.friction import cone_generators, corner_points
 from optimization.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 PEER = "hpp_centroidal_dynamics"
 INSTALL = "not installed here, so not compared: pip install hpp-centroidal-dynamics"

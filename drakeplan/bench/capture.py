@@ -21,7 +21,7 @@ from optimization.capture_lip import (
 )
 from optimization.capture_question import CaptureQuestion
 from optimization.capture_sampling import CAPTURE_MOTIONS, random_question
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 WELL_INSIDE = 0.02  # [m] of the capture point from the edge of the ground that captures
 DEPTHS = (-np.inf, -0.10, -0.05, -0.02, 0.0, 0.02, 0.05, np.inf)  # [m] bins of the table

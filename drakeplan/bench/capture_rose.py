@@ -14,7 +14,7 @@ from optimization.capture_lip import angular_allowance, capture_point, frequency
 from optimization.capture_question import CaptureQuestion
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 PICTURE = Path("out/capture_impulses.png")

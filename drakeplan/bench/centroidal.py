@@ -23,7 +23,7 @@ from optimization.centroidal_problem import CentroidalProblem, structure
 from optimization.contact_schedule import ContactSchedule
 from optimization.transition_dynamics import TransitionDynamics, transition_options
 from scenes.contact import Contact, contact_pose
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 from scenes.stance import Stance
 
 PER_SEED = 4  # transitions of each category: 200 for 50 seeds

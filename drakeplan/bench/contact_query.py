@@ -14,7 +14,7 @@ from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.transition_model import transition_model
 

@@ -35,10 +35,10 @@ from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.library import slippery_slope, steep_slope, wide_gap, wider_gap
 from scenes.library.plates import FRICTION, level_plate
-from scenes.plant import build_plant
-from scenes.robot import Robot, load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 from scenes.transition_model import transition_model
 
 DEADLINE = 10.0  # [s] of processor time for the search

@@ -20,10 +20,10 @@ from drakeplan.deformation import DeformOptions, DeformResult, deform
 from drakeplan.plan import Plan
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
-from scenes.moved_terrain import move_surfaces
-from scenes.robot import Robot, load_robot
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
-from scenes.scene_source import load_scene
+from scenes.terrain.moved_terrain import move_surfaces
 
 SCENES = ("rubble_field", "rubble_corridor")
 PLANS = 5  # verified plans of each scene, seeds 0 to 4; move s deforms that of seed s modulo 5

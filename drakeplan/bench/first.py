@@ -9,8 +9,8 @@ from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import load_robot
 
 SCENES = ("rubble_field", "rubble_corridor")
 DEADLINE = 30.0  # [s], as in Lin et al. 2019

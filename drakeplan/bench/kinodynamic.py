@@ -19,9 +19,9 @@ from optimization.momentum_gap import PROMISED, Gap, MomentumGap
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
-from scenes.plant import RobotPlant, build_plant
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 SCENES = ("flat", "stairs", "rubble_field", "rubble_corridor", "tilted_slab", "narrow_flat")

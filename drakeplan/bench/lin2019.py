@@ -22,7 +22,7 @@ from drakeplan.bench.lin2019_queries import all_queries, mean
 from drakeplan.bench.mixed_integer_baseline import first_sequences, whole_plans
 from drakeplan.bench.table import BenchOptions, BenchTable
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

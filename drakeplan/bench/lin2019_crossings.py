@@ -20,8 +20,8 @@ from drakeplan.bench.lin2019_queries import (
 )
 from drakeplan.bench.table import BenchTable
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import Robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import Robot
 
 CROSSINGS = (  # scene, friction cone and who plans; the dynamics under the diamond have not been learned
     ("wide_gap", "inner", (QUASI_STATIC, LEARNED, LAZY)),

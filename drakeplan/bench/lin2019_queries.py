@@ -20,8 +20,8 @@ from drakeplan.warm_up import warm_up
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.friction import DEFAULT_CONE
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import Robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import Robot
 
 SCENES = ("rubble_field", "rubble_corridor")
 QUASI_STATIC, LEARNED = "quasi-static", "learned"

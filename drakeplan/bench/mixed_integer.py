@@ -20,8 +20,8 @@ from optimization.mixed_integer_dynamics import ContactDynamicsProgram
 from optimization.mixed_integer_solvers import BACKENDS, MixedIntegerSettings
 from optimization.step_reach import step_reach
 from scenes.library.rubble_field import named as rubble_field
-from scenes.packed_terrain import pack_terrain
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
+from scenes.terrain.packed_terrain import pack_terrain
 from scenes.transition_model import transition_model
 
 CONTACTS = (12, 18, 24)

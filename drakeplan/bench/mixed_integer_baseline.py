@@ -20,8 +20,8 @@ from drakeplan.planning import plan_scene
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import Robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import Robot
 from scenes.transition_model import transition_model
 
 SCENE = "rubble_field"

@@ -19,7 +19,7 @@ from optimization import piqp_adapter
 from optimization.centroidal_options import CentroidalOptions
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.transition_dynamics import TransitionDynamics
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 
 Question = tuple[CentroidalProblem, CentroidalOptions]
 COLUMNS = (

@@ -16,7 +16,7 @@ from drakeplan.warm_up import warm_up
 from optimization.length_bound import LengthBound, length_lower_bound
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.library import NAMED_SCENES
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
 
 SCENES = ("flat", "stairs", "rubble_field", "rubble_corridor")

@@ -17,12 +17,12 @@ from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
+from scenes.files.scene_file import read_scene, write_scene
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.scene_file import read_scene, write_scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 FILE = "lin_centroidal_scenes.json"
 SCENES = {"dynopt_test_env_1": "rubble_field", "dynopt_test_env_8": "rubble_corridor"}

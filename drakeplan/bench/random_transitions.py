@@ -8,7 +8,7 @@ import numpy as np
 
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_PALM, RIGHT_PALM, is_foot
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 CATEGORIES = {"feet": 0, "one palm": 1, "both palms": 2}  # palms held before the transition

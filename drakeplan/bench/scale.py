@@ -12,7 +12,7 @@ from drakeplan.search.ana_star import Limits
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.library.rubble_field import long, wide
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
 
 SURFACES = (14, 140, 1400, 14000)

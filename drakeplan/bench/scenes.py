@@ -11,10 +11,10 @@ from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
+from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
 from scenes.library import NAMED_SCENES
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.robots.robot import load_robot
 
 MESHES = {
     "hpp/darpa": ((-3.6, 0.0, 0.0), (3.9, 0.0)),

@@ -26,8 +26,8 @@ from learning.transition_features import canonicalise
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import load_robot
 from scenes.transition_model import transition_model
 
 SCENES, SEEDS = ("rubble_field", "rubble_corridor"), 4

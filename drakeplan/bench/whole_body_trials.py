@@ -27,8 +27,8 @@ from optimization.mixed_integer_dynamics import ContactDynamicsProgram
 from optimization.mixed_integer_solvers import BACKENDS, MixedIntegerSettings
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose
-from scenes.robot import Robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 NAN = float("nan")

@@ -30,7 +30,7 @@ from optimization.friction import DEFAULT_CONE
 from optimization.transition_dynamics import TransitionDynamics, transition_options
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 
 ENVIRONMENT_DRAWS = 20  # terrains on which nobody can stand are drawn again
 

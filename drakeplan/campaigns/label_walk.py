@@ -24,8 +24,8 @@ from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.transition_dynamics import TransitionDynamics
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
-from scenes.packed_terrain import PackedTerrain, pack_terrain
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 from scenes.transition_model import transition_model
 
 

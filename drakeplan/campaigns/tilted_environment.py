@@ -12,8 +12,8 @@ import numpy as np
 
 from scenes.library.plates import rectangle, tilt_rotation, tilted_plate
 from scenes.scene import Goal, Scene, Start
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 GROUNDS = {"rubble": 0.4, "slope": 0.3, "gaps": 0.15, "steps": 0.15}  # how often each is drawn
 WALLS = {"none": 0.06, "left": 0.07, "right": 0.07, "both": 0.8}

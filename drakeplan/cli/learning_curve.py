@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from learning.labelled_transitions import LabelledTransitions
     from learning.training.options import TrainingOptions
     from learning.training.recipe import Progress
-    from scenes.robot import Robot
+    from scenes.robots.robot import Robot
 
 FILE = "learning_curve.json"
 

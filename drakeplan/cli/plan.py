@@ -109,8 +109,8 @@ def run(arguments: Arguments) -> int:
         require_writable(path)
     if len({Path(path).resolve() for path in outputs}) < len(outputs):
         raise InputError(f"--out and --html name the same file {arguments.out}")
-    from scenes.robot import load_robot
-    from scenes.scene_source import load_scene
+    from scenes.files.scene_source import load_scene
+    from scenes.robots.robot import load_robot
 
     scene = load_scene(arguments.scene, seed=arguments.seed)
     for note in scene.notes:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from scenes.input_error import InputError
-from scenes.robot import Robot, load_robot, robot_names
+from scenes.robots.robot import Robot, load_robot, robot_names
 
 ABOUT = """Lists the robots, or prints the model file of one.
 

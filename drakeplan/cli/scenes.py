@@ -56,7 +56,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _list(arguments: Arguments) -> int:
-    from scenes.scene_source import list_scenes
+    from scenes.files.scene_source import list_scenes
 
     scenes = list_scenes()
     if arguments.json:
@@ -94,7 +94,7 @@ def _show(arguments: Arguments) -> int:
 
 def _export(arguments: Arguments) -> int:
     from drakeplan.plan_file import require_writable
-    from scenes.scene_file import write_scene
+    from scenes.files.scene_file import write_scene
 
     require_writable(arguments.file)
     scene = _load(arguments)
@@ -109,7 +109,7 @@ def _export(arguments: Arguments) -> int:
 
 
 def _load(arguments: Arguments) -> Scene:
-    from scenes.scene_source import load_scene
+    from scenes.files.scene_source import load_scene
 
     if arguments.seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {arguments.seed}")

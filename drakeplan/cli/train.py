@@ -81,7 +81,7 @@ def run(arguments: Arguments) -> int:
         raise InputError("drakeplan train needs torch: pip install 'drakeplan[train]'")
     from learning.labelled_transitions import read_labels
     from learning.training.options import recommended
-    from scenes.robot import load_robot
+    from scenes.robots.robot import load_robot
 
     given = {name: getattr(arguments, name) for name in ("width", "depth", "epochs", "members")}
     given = {name: value for name, value in given.items() if value is not None}

@@ -20,10 +20,10 @@ from drakeplan.playback.animation import animate
 from drakeplan.playback.page import finished_page, finished_scene_page
 from drakeplan.playback.still import draw_scene, draw_still, light_and_look
 from drakeplan.playback.view import View, choose_view
+from scenes.files.scene_file import scene_from_yaml
 from scenes.input_error import InputError
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
-from scenes.scene_file import scene_from_yaml
 
 HOST = "localhost"  # Drake's default listens on every interface
 UP = np.array([0.0, 0.0, 1.0])

@@ -29,7 +29,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drakeplan.plan import Plan, PlanCentroidal
 from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
 from drakeplan.playback.still import COM_COLOUR, ROOT
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 FRAMES_PER_SECOND = 25.0
 MAX_KEYFRAMES = 70_000  # of all bodies together, some 10 MB of page; tolerances grow until it is kept

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.surface import Surface
+from scenes.terrain.surface import Surface
 
 PLATE = 0.02  # [m] thickness of a surface's plate, behind its face
 LIFT = 0.0015  # [m] faces stand this far before the mesh that they may be a facet of, so that they show

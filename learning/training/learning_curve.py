@@ -19,7 +19,7 @@ from learning.training.options import TrainingOptions
 from learning.training.recipe import Progress, train_dynamics
 from learning.transition_features import CATEGORIES
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 SHARES = (0.125, 0.25, 0.5, 1.0)
 MORE = (2.0, 4.0)  # times the labels, for which errors are foretold

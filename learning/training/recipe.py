@@ -26,7 +26,7 @@ from learning.training.teacher import Taught, teach
 from learning.transition_features import NUM_CATEGORIES
 from learning.weights import replace_file, write_weights
 from scenes.input_error import InputError
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 CHECKPOINTS, CURVES, REPORT = "checkpoints", "curves.csv", "report.json"
 

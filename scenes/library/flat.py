@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenes.library.plates import GOAL_RADIUS, START, level_plate
 from scenes.scene import Goal, Scene
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 
 def named(seed: int = 0) -> Scene:

@@ -7,7 +7,7 @@ import numpy as np
 from scenes.disturbance import Disturbance
 from scenes.library.plates import GOAL_RADIUS, START, level_plate
 from scenes.scene import Goal, Scene
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 HALF_WIDTH = 0.35  # [m]
 PUSH = 0.6 * 63.47  # [kg m/s] 0.6 m/s times the mass of Lin's robot

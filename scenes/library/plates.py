@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenes.scene import Start
-from scenes.surface import Surface
+from scenes.terrain.surface import Surface
 
 FRICTION = 0.5  # Lin et al. 2019, sec. VII
 GOAL_RADIUS = 0.2  # [m] Lin et al. 2019, sec. VII

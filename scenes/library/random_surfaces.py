@@ -6,8 +6,8 @@ import numpy as np
 
 from scenes.library.plates import GOAL_RADIUS, MAX_RISE, MAX_TILT, START, level_plate, tilted_plate
 from scenes.scene import Goal, Scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 # The paper gives the length (2 to 4 m), quadrilaterals, random tilts and that they cover and intersect each other.
 # Its sizes, density and walls are only in figure 4.4: what stands here is ours.

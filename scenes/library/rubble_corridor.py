@@ -6,8 +6,8 @@ import numpy as np
 
 from scenes.library.plates import GOAL_RADIUS, MAX_TILT, START, level_plate, rectangle, rubble, tilted_plate
 from scenes.scene import Goal, Scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 ROWS, LANES = 5, 3
 STONE_LENGTH, STONE_WIDTH = 0.4, 0.3  # [m]

@@ -6,7 +6,7 @@ import numpy as np
 
 from scenes.library.plates import GOAL_RADIUS, START, level_plate, rubble
 from scenes.scene import Goal, Scene
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 STONE = 0.4  # [m] edge of a square stone
 ROWS, LANES = 3, 4

@@ -6,8 +6,8 @@ import numpy as np
 
 from scenes.library.plates import FRICTION, GOAL_RADIUS, START, level_plate
 from scenes.scene import Goal, Scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 TREADS = 5
 RISE, GOING, WIDTH = 0.15, 0.30, 1.2  # [m]

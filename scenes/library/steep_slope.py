@@ -8,8 +8,8 @@ import numpy as np
 
 from scenes.library.plates import FRICTION, GOAL_RADIUS, START, level_plate
 from scenes.scene import Goal, Scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 LENGTH = 3.0  # [m] along the slope
 TILT = math.radians(30.0)

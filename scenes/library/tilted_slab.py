@@ -6,7 +6,7 @@ import numpy as np
 
 from scenes.library.plates import GOAL_RADIUS, START, level_plate, rectangle, tilted_plate, wall_plate
 from scenes.scene import Goal, Scene
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 TILT = np.deg2rad(30.0)  # about the walking direction, down towards the wall
 SLAB_LENGTH, SLAB_WIDTH, SLAB_Y = 1.2, 0.6, 0.1  # [m]

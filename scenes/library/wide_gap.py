@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenes.library.plates import GOAL_RADIUS, START, level_plate
 from scenes.scene import Goal, Scene
-from scenes.terrain import Terrain
+from scenes.terrain.terrain import Terrain
 
 GAP = 0.5  # [m]
 NEAR_EDGE = 1.11  # [m]

@@ -22,12 +22,12 @@ from pydrake.systems.framework import Context
 from drakeplan.plan import Plan, PlanCentroidal, PlanContacts, PlanMotion, PlanPhases, tabulate_stances
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT, RIGHT_PALM
+from scenes.files.scene_file import scene_to_yaml
 from scenes.library.rubble_corridor import named as rubble_corridor
-from scenes.plant import build_plant
-from scenes.robot import Robot, load_robot
-from scenes.scene_file import scene_to_yaml
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import Robot, load_robot
 from scenes.stance import Stance
-from scenes.terrain import Box
+from scenes.terrain.terrain import Box
 
 STANCE_TIME = 0.6  # [s]
 KNOT = 0.1  # [s]

@@ -11,7 +11,7 @@ from drakeplan.bench import capture, capture_rose
 from drakeplan.bench.table import BenchOptions
 from optimization.capture import CaptureChecker
 from optimization.capture_sampling import CAPTURE_MOTIONS
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 
 @pytest.fixture(scope="module")

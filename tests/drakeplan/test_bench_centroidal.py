@@ -12,7 +12,7 @@ from drakeplan.bench.random_transitions import CATEGORIES
 from drakeplan.bench.table import BenchOptions
 from optimization.centroidal import CentroidalProgram
 from optimization.transition_dynamics import TransitionDynamics, transition_options
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import changed_effector
 
 ROBOT = load_robot("escher")

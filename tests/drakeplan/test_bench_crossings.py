@@ -9,7 +9,7 @@ from drakeplan.bench.crossings import DEADLINE, Crossing, can_span, cross, cross
 from drakeplan.timing import Timing
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.library import flat, wide_gap, wider_gap
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 ROBOT = load_robot("escher")
 SOLE = 0.22  # [m]

@@ -11,7 +11,7 @@ from drakeplan.bench import deform as bench
 from drakeplan.bench.kept_cases import RESUME
 from drakeplan.bench.table import BenchOptions
 from drakeplan.deformation import DeformResult
-from scenes.robot import Robot
+from scenes.robots.robot import Robot
 
 
 def fake_part(

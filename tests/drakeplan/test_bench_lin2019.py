@@ -47,7 +47,7 @@ from learning.surrogate import load_surrogate
 from optimization.centroidal_estimate import CentroidalEstimate
 from optimization.centroidal_options import GRAVITY
 from scenes.contact import Contact
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

@@ -261,7 +261,7 @@ def test_a_scene_without_start_or_goal_asks_for_them_and_shows_its_extent(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = dataclasses.replace(flat(0), start=None, goal=None)
-    monkeypatch.setattr("scenes.scene_source.load_scene", lambda source, *, seed: scene)
+    monkeypatch.setattr("scenes.files.scene_source.load_scene", lambda source, *, seed: scene)
     assert main(["plan", "flat"]) == 2
     line = one_line(capsys)
     assert "needs --start and --goal" in line
@@ -275,9 +275,10 @@ def test_the_robot_of_the_scene_is_taken_unless_another_is_named(monkeypatch: py
         asked.append(name)
         raise InputError("that is enough")
 
-    monkeypatch.setattr("scenes.robot.load_robot", refuse)
+    monkeypatch.setattr("scenes.robots.robot.load_robot", refuse)
     monkeypatch.setattr(
-        "scenes.scene_source.load_scene", lambda source, *, seed: dataclasses.replace(flat(0), robot="of_the_scene")
+        "scenes.files.scene_source.load_scene",
+        lambda source, *, seed: dataclasses.replace(flat(0), robot="of_the_scene"),
     )
     for words in ([], ["--robot", "of_the_user"]):
         assert main(["plan", "flat", *words]) == 2

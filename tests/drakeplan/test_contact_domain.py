@@ -12,11 +12,11 @@ from drakeplan.contact_domain import ContactDomain, PlannerWeights, State
 from drakeplan.contact_pool import ContactPool
 from drakeplan.search.ana_star import AnaStar
 from drakeplan.start_stance import check_goal, start_stance
-from scenes.packed_terrain import PackedTerrain, pack_terrain
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 from scenes.transition_model import TransitionModel, transition_model
 
 ROBOT = load_robot("escher")

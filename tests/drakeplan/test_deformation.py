@@ -15,16 +15,16 @@ from drakeplan.strip_setup import Sampling, choose_region, contact_choices, make
 from drakeplan.verifier import verify
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
+from scenes.files.scene_file import scene_from_yaml
 from scenes.input_error import InputError
 from scenes.library.plates import level_plate
-from scenes.moved_terrain import move_surfaces
-from scenes.packed_terrain import pack_terrain
 from scenes.pose import rpy_rotation
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Scene
-from scenes.scene_file import scene_from_yaml
-from scenes.surface import Surface
-from scenes.terrain import terrain_from
+from scenes.terrain.moved_terrain import move_surfaces
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import terrain_from
 
 SAMPLING = Sampling(per_phase=3, furthest=0.35, turn=0.06)
 

@@ -9,7 +9,7 @@ from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import PlanResult, plan_scene
 from drakeplan.timing import Timing
 from scenes.library import slippery_slope, steep_slope, wider_gap
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Scene
 
 ROBOT = load_robot("escher")

@@ -21,11 +21,11 @@ from drakeplan.start_stance import start_stance
 from drakeplan.transition_check import TransitionCheck
 from optimization.transition_dynamics import TransitionDynamics
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.packed_terrain import pack_terrain
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 from scenes.transition_model import transition_model
 
 ROBOT = load_robot("escher")

@@ -18,7 +18,7 @@ from drakeplan.verifier import verify
 from optimization.friction import cone_index, frame_stands_alone
 from scenes.contact import Contact
 from scenes.library import steep_slope
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
 from scenes.stance import Stance
 

@@ -15,8 +15,8 @@ from drakeplan.phases import make_schedule
 from drakeplan.planning import PlanOptions
 from drakeplan.timing import Timing
 from scenes.contact import Contact
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

@@ -15,10 +15,10 @@ from optimization.friction import cone_index, frame_stands_alone
 from optimization.tail_dynamics import TailDynamics
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.library import slippery_slope
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 from scenes.transition_model import transition_model
 
 ROBOT = load_robot("escher")

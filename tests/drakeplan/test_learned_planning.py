@@ -18,11 +18,11 @@ from drakeplan.timing import Timing
 from learning.surrogate import load_surrogate
 from learning.weights import NoWeightsError
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import load_robot
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.scene_source import load_scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 ROBOT = load_robot("escher")
 FLOOR = Surface("floor", np.array([[-1, -1.0, 0], [4, -1.0, 0], [4, 1.0, 0], [-1, 1.0, 0]]))

@@ -13,13 +13,13 @@ from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.search.ana_star import Limits
 from optimization.whole_body_ik import WholeBodyIK
+from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.scene_source import load_scene
 from scenes.stance import changed_effector
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 ESCHER = load_robot("escher")
 IK = WholeBodyIK(ESCHER)

@@ -16,11 +16,11 @@ from drakeplan.motion_check import velocities
 from optimization.momentum_gap import PROMISED
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT
-from scenes.plant import RobotPlant, build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
-from scenes.surface import Surface
-from scenes.terrain import Terrain, terrain_from
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain, terrain_from
 
 ROBOT = load_robot("escher")
 HELD, HELD_ANGLE, COM = 5e-3, np.deg2rad(1.0), 0.02  # [m, rad, m] what the verifier allows

@@ -13,12 +13,12 @@ from drakeplan.plan_file import write_plan
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import PlanResult, plan_scene
 from scenes.contact import Contact, contact_pose
+from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
-from scenes.scene_source import load_scene
-from scenes.surface import Surface
-from scenes.terrain import Box, Terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
 
 ESCHER = load_robot("escher")
 

@@ -16,7 +16,7 @@ from drakeplan.plan import Plan
 from drakeplan.playback import animation, keyframes, terrain_mesh, view
 from drakeplan.playback.still import predicted_com
 from scenes.input_error import InputError
-from scenes.surface import Surface
+from scenes.terrain.surface import Surface
 
 PAGE_LIMIT = 15e6  # [bytes] what a page may weigh
 UNIT_SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])

@@ -11,10 +11,10 @@ from drakeplan import playback
 from drakeplan.cli import main
 from drakeplan.playback.pushes import ARROW_LENGTH, CHEST, draw_pushes
 from scenes.disturbance import Disturbance
+from scenes.files.scene_file import write_scene
 from scenes.library.flat import named as flat
 from scenes.pose import pose_matrix
 from scenes.scene import Scene
-from scenes.scene_file import write_scene
 
 X_WR = pose_matrix([1.0, 0.2, 0.9], [0.0, 0.0, 0.4])
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from drakeplan.swing import SwingCurve, hover, mirrored, plan_swing, smooth_step
 from scenes.contact import Contact, contact_pose
-from scenes.packed_terrain import pack_terrain
-from scenes.surface import Surface
-from scenes.terrain import Box, Terrain, terrain_from
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain, terrain_from
 
 SOLE, THICKNESS = (0.11, 0.05), 0.08  # [m]
 H = 1e-4  # step of finite differences in u

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from drakeplan.torso_grid import SETTLED, TURNS, TorsoGrid
-from scenes.packed_terrain import pack_terrain
-from scenes.robot import load_robot
-from scenes.surface import Surface
-from scenes.terrain import Box, Terrain
+from scenes.robots.robot import load_robot
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
 
 CELL = 0.1
 

@@ -14,8 +14,8 @@ from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from drakeplan.warm_up import warm_up
 from optimization.whole_body_ik import WholeBodyIK
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.robots.robot import load_robot
+from scenes.files.scene_source import load_scene
 
 def compiled():
     ours = [m for name, m in list(sys.modules.items()) if name.split(".")[0] in ("drakeplan", "learning", "optimization", "scenes")]

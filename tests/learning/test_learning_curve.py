@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from learning.labelled_transitions import TEST, TRAIN, VALIDATION, split_by_scene
 from learning.training.options import TrainingOptions
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 pytestmark = pytest.mark.train
 pytest.importorskip("torch")

@@ -16,7 +16,7 @@ from learning.relative_features import NUM_RELATIVE
 from learning.training.options import TrainingOptions
 from learning.transition_features import CATEGORIES
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 
 def shared(seed: int) -> SharedNetwork:

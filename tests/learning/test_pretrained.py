@@ -16,7 +16,7 @@ from learning.transition_features import NUM_CATEGORIES
 from learning.weights import PRETRAINED
 from optimization.transition_dynamics import TransitionDynamics
 from scenes.contact import Contact, contact_pose
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 UP = np.array([0.0, 0.0, 1.0])

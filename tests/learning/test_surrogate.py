@@ -26,7 +26,7 @@ from learning.transition_features import (
 )
 from learning.weights import NoWeightsError, WeightsError, write_weights
 from scenes.pose import rpy_rotation
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 D = len(relative_feature_names())
 

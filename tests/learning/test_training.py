@@ -18,7 +18,7 @@ from learning.labelled_transitions import learning_set
 from learning.surrogate import load_surrogate
 from learning.training.options import TrainingOptions
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 
 pytestmark = pytest.mark.train
 torch = pytest.importorskip("torch")

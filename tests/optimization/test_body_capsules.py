@@ -19,8 +19,8 @@ from optimization.body_capsules import (
     read_capsules,
 )
 from optimization.kinematics import Kinematics
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 DRAKE = 1e-5  # [m] how well Drake's iterative distances are known
 SEEDS = st.integers(0, 2**32 - 1)

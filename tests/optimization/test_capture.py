@@ -22,8 +22,8 @@ from optimization.capture_sampling import CAPTURE_MOTIONS, random_question
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

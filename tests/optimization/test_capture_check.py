@@ -13,7 +13,7 @@ from optimization.capture_question import CaptureQuestion
 from optimization.centroidal_problem import CentroidalProblem
 from optimization.centroidal_trajectory import CentroidalTrajectory
 from scenes.contact import Contact, contact_pose
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

@@ -18,7 +18,7 @@ from optimization.capture_lip import (
 )
 from optimization.centroidal_options import GRAVITY, CentroidalOptions
 from scenes.contact import Contact, contact_pose
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 HEIGHT = 0.9

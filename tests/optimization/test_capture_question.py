@@ -12,7 +12,7 @@ from optimization.capture_sampling import CAPTURE_MOTIONS, MAX_CLIMB, MAX_SPEED,
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
-from scenes.robot import Robot, load_robot
+from scenes.robots.robot import Robot, load_robot
 from scenes.stance import Stance
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -9,8 +9,8 @@ from optimization.capture_sampling import random_question
 from optimization.capture_state import LIFT, StateFit, beside
 from scenes.contact import Contact, contact_pose
 from scenes.effector import LEFT_FOOT, RIGHT_FOOT
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

@@ -15,10 +15,10 @@ from optimization.static_equilibrium import balance_region
 from optimization.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose
 from scenes.library.plates import rectangle, tilted_plate
-from scenes.packed_terrain import pack_terrain
 from scenes.pose import rpy_rotation
-from scenes.robot import load_robot
-from scenes.terrain import terrain_from
+from scenes.robots.robot import load_robot
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.terrain import terrain_from
 
 ROBOT = load_robot("escher")
 STONES = terrain_from([

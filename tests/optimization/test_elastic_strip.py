@@ -17,13 +17,13 @@ from optimization.static_equilibrium import balance_region
 from optimization.static_equilibrium_program import StaticEquilibriumProgram
 from optimization.whole_body_ik import IkOptions, WholeBodyIK
 from scenes.contact import Contact, contact_pose
-from scenes.contact_regions import ContactRegions, cover_terrain
+from scenes.footholds.contact_regions import ContactRegions, cover_terrain
 from scenes.input_error import InputError
 from scenes.library.plates import rectangle, tilted_plate
-from scenes.packed_terrain import pack_terrain
-from scenes.plant import build_plant
-from scenes.robot import load_robot
-from scenes.terrain import Terrain, terrain_from
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.terrain import Terrain, terrain_from
 
 ROBOT = load_robot("escher")
 STEP = 0.25  # [m]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from optimization.foothold_regions import MARGIN, FootholdRegion, disc_region, foothold_regions, support
-from scenes.packed_terrain import pack_terrain
-from scenes.projection import FOOT_CLEARANCE, patch_fits
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.files.scene_source import load_scene
+from scenes.footholds.projection import FOOT_CLEARANCE, patch_fits
+from scenes.robots.robot import load_robot
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 ESCHER = load_robot("escher")
 HEADINGS = [(0.0, 0.0), (-0.25, 0.25), (0.4, 0.9)]

@@ -19,8 +19,8 @@ from optimization.ik_tasks import (
 )
 from optimization.kinematics import Kinematics
 from scenes.effector import EFFECTORS
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 SEEDS = st.integers(0, 2**32 - 1)
 

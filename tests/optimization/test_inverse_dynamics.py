@@ -15,8 +15,8 @@ from optimization.inverse_dynamics import effort_limits, inverse_dynamics
 from optimization.joint_torques import TorqueRows, joint_torques
 from optimization.kinematics import Kinematics
 from scenes.contact import Contact, contact_pose
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 ROBOTS = ("escher", "jvrc1")
 

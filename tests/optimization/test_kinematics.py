@@ -19,10 +19,10 @@ from pydrake.multibody.tree import (
 
 from optimization.kinematic_tree import rotation_error
 from optimization.kinematics import Kinematics
-from scenes.plant import build_plant
-from scenes.robot import load_robot
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 
 ATOL = 1e-12  # both sides round in a different order; lengths are of the order of a metre
 FRAMES = ("frame_0", "frame_1", "frame_2")

@@ -15,7 +15,7 @@ from optimization.momentum_gap import Gap, MomentumGap
 from scenes.contact import Contact, contact_pose
 from scenes.effector import LEFT_FOOT, RIGHT_FOOT
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

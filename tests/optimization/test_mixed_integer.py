@@ -17,15 +17,15 @@ from optimization.mixed_integer import FootstepProgram
 from optimization.mixed_integer_solvers import MixedIntegerSettings
 from optimization.step_reach import StepReach, step_reach
 from scenes.contact import Contact, contact_pose
+from scenes.files.scene_source import load_scene
+from scenes.footholds.projection import set_down
 from scenes.input_error import InputError
-from scenes.packed_terrain import pack_terrain
-from scenes.projection import set_down
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.scene import Goal
-from scenes.scene_source import load_scene
 from scenes.stance import Stance
-from scenes.surface import Surface
-from scenes.terrain import Terrain
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
 from scenes.transition_model import transition_model
 
 ESCHER = load_robot("escher")

@@ -17,8 +17,8 @@ from optimization.momentum_tracking import (
     track_momentum,
 )
 from optimization.posture_tracking import track_postures
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 ROBOT = load_robot("escher")
 PLANT = build_plant(ROBOT).plant

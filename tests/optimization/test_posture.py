@@ -5,10 +5,10 @@ import pytest
 
 from optimization.posture import PostureOptions, PostureSolver, half_planes, solve_posture
 from scenes.effector import EFFECTORS
-from scenes.plant import build_plant
-from scenes.robot import load_robot
-from scenes.surface import Surface
-from scenes.terrain import Box, Terrain
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
 
 GROUND = Surface("ground", np.array([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], float))
 WALL = Surface("wall", np.array([[-2, 0.6, 0], [2, 0.6, 0], [2, 0.6, 2], [-2, 0.6, 2]], float))

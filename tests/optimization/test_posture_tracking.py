@@ -11,8 +11,8 @@ from optimization.frame_task import DistanceRows, TrackingTargets, frame_targets
 from optimization.kinematic_tree import integrate
 from optimization.kinematics import Kinematics
 from optimization.posture_tracking import track_postures
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 ROBOT = load_robot("escher")
 KINEMATICS = Kinematics.from_plant(build_plant(ROBOT).plant, [e.frame for e in ROBOT.effectors])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from optimization.robot_reach import measure_reach
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 ROUNDED = 2e-3  # [m] figures in the files are rounded to millimetres
 

@@ -11,7 +11,7 @@ from optimization.tail_dynamics import BodyState, TailDynamics
 from optimization.transition_dynamics import TransitionDynamics, transition_options
 from scenes.contact import Contact
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

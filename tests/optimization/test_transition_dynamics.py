@@ -10,7 +10,7 @@ from optimization.transition_dynamics import TransitionDynamics, transition_opti
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 ROBOT = load_robot("escher")

@@ -17,8 +17,8 @@ from optimization.posture_guess import guess_posture
 from optimization.whole_body_ik import IkOptions, WholeBodyIK, solve_stance
 from scenes.contact import contact_pose
 from scenes.effector import EFFECTORS
-from scenes.plant import build_plant
-from scenes.robot import load_robot
+from scenes.robots.plant import build_plant
+from scenes.robots.robot import load_robot
 
 SEEDS = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-9  # [m, rad] Drake's kinematics and ours agree to 1e-12

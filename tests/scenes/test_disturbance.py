@@ -16,9 +16,9 @@ from scenes.disturbance import (
     pushes_at,
     sample_pushes,
 )
+from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
 from scenes.pose import pose_matrix
-from scenes.scene_source import load_scene
 
 SIDE = np.array([[0.0, 38.0, 0.0], [0.0, -38.0, 0.0]])
 EVERYWHERE = Disturbance(SIDE, 0.01)

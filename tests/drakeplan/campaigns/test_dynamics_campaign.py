@@ -20,7 +20,7 @@ from learning.transition_labels import SCHEMA
 from optimization.transition_dynamics import TransitionDynamics, transition_options
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
-from scenes.robot import load_robot
+from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
 SMALL = DynamicsCampaign(walk=WalkOptions(quota=2, max_states=25))

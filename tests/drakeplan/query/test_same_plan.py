@@ -20,8 +20,8 @@ import numpy as np
 from drakeplan.plan import Plan
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
-from scenes.robot import load_robot
-from scenes.scene_source import load_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import load_robot
 
 RECORD = Path(__file__).with_suffix(".json")
 DIGITS = 7  # of closed forms [m, rad], far above their rounding errors

@@ -1,0 +1,1 @@
+"""Scene files: strict YAML in, scenes out, and back; and writing files whole."""

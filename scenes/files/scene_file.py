@@ -1,0 +1,267 @@
+"""Scene files: YAML in, `Scene` out, and back without loss.
+
+A plan file keeps the scene without the meshes it was planned on: their faces stand among the surfaces there, and only
+their names, `mesh:<mesh>/<number>`, tell that a mesh is their body. `scene_from_yaml(..., mesh_triangles=...)` puts the
+two together again. Read alone, such surfaces are plates like any other, and a note says so.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from scenes.contact import NEAR_LEVEL, Contact
+from scenes.disturbance import Disturbance
+from scenes.effector import EFFECTORS, is_foot
+from scenes.files.scene_schema import (
+    ContactEntry,
+    DisturbanceEntry,
+    MeshEntry,
+    ObstacleEntry,
+    PoseEntry,
+    StartEntry,
+    SurfaceEntry,
+    parse_scene,
+)
+from scenes.files.scene_writer import scene_to_yaml, write_scene
+from scenes.files.strict_yaml import load_yaml, read_text
+from scenes.input_error import InputError, unknown_name
+from scenes.meshes.mesh_import import MESH_PREFIX, MeshImport, check_up_axis, import_mesh, mesh_name
+from scenes.meshes.mesh_path import mesh_path
+from scenes.pose import pose_matrix
+from scenes.scene import Goal, Scene, Start
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain, TriangleMesh
+
+__all__ = ["read_scene", "scene_from_yaml", "scene_to_yaml", "write_scene"]
+
+NORMAL_AGREES = np.cos(np.deg2rad(5.0))  # how well a given normal has to fit the polygon
+CONTACT_OFF = 0.01  # [m] how far a given contact may lie off its surface
+CONTACT_TILT = np.cos(np.deg2rad(2.0))  # how well its z axis has to fit the surface normal
+TWIN_CORNERS = 1e-6  # [m] corners nearer than this are one
+
+
+def read_scene(path: str | Path) -> Scene:
+    """The scene in a file; what had to be changed is in its notes.
+
+    Raises:
+        InputError: one line with the file, the key and what was expected there.
+    """
+    path = Path(path)
+    return scene_from_yaml(read_text(path), str(path), folder=path.parent, name=path.stem)
+
+
+def scene_from_yaml(
+    text: str,
+    source: str,
+    *,
+    folder: Path | None = None,
+    name: str = "scene",
+    mesh_triangles: np.ndarray | None = None,
+) -> Scene:
+    """The scene in a YAML text.
+
+    Args:
+        text: of a scene file.
+        source: what to call it in errors.
+        folder: where relative mesh files start; None where there is none.
+        name: of the scene if the text has none.
+        mesh_triangles: (K, 3, 3) every obstacle and mesh of the scene, as a plan file keeps them beside the text [m].
+            Surfaces called `mesh:...` are then faces of a mesh made of those that belong to no box.
+
+    Raises:
+        InputError: one line with the source, the key and what was expected there.
+    """
+    entry = parse_scene(load_yaml(text, source), source)
+    notes: list[str] = []
+    surfaces = [_surface(e, i, entry.friction, source, notes) for i, e in enumerate(entry.surfaces)]
+    flags = [False] * len(surfaces)
+    obstacles: list[Box | TriangleMesh] = [_box(e, i) for i, e in enumerate(entry.obstacles)]
+    if mesh_triangles is not None:
+        rest = _without_boxes(mesh_triangles, obstacles)
+        if len(rest):
+            flags = [surface.name.startswith(MESH_PREFIX) for surface in surfaces]
+            obstacles.append(TriangleMesh("meshes", rest))
+    else:
+        count = sum(surface.name.startswith(MESH_PREFIX) for surface in surfaces)
+        if count:
+            notes.append(
+                f"{count} surfaces called {MESH_PREFIX}... came from meshes that are not here: taken as plates"
+            )
+    imported = _meshes(entry.meshes, entry.friction, source, folder)
+    if imported and not any(surface.allows("left_foot") for surface in surfaces):
+        check_up_axis(tuple(m.obstacle for m in imported))
+    for mesh in imported:
+        obstacles.append(mesh.obstacle)
+        surfaces += mesh.surfaces
+        flags += [True] * len(mesh.surfaces)
+        notes += mesh.notes
+    _check_names([o.name for o in obstacles], "obstacles", source)
+    _check_names([s.name for s in surfaces], "surfaces", source)
+    if not surfaces:
+        raise InputError(f"{source}: surfaces: expected at least one, here or out of a mesh")
+    terrain = Terrain(tuple(surfaces), tuple(obstacles), tuple(flags))
+    goal = entry.goal and Goal(entry.goal.xyz, entry.goal.radius, entry.goal.yaw)
+    return Scene(
+        name=entry.name or name,
+        terrain=terrain,
+        start=entry.start and _start(entry.start, terrain, source),
+        goal=goal,
+        robot=entry.robot,
+        disturbances=tuple(_disturbance(e) for e in entry.disturbances),
+        notes=tuple(f"{source}: {note}" for note in notes),
+    )
+
+
+def _pose(pose: PoseEntry) -> np.ndarray:
+    return pose_matrix(pose.xyz, pose.rpy)
+
+
+def _surface(entry: SurfaceEntry, index: int, friction: float, source: str, notes: list[str]) -> Surface:
+    """The surface of an entry, turned over where its `normal` or the feet that should stand on it ask for it."""
+    where = f"surfaces[{index}]"
+    vertices = np.array(entry.vertices, float)
+    twins = np.flatnonzero(np.linalg.norm(vertices - np.roll(vertices, -1, axis=0), axis=1) < TWIN_CORNERS)
+    if len(twins):
+        first, second = int(twins[0]), (int(twins[0]) + 1) % len(vertices)
+        raise InputError(f"{source}: {where}.vertices: expected corners apart, [{first}] and [{second}] are the same")
+    name = entry.name or f"surface_{index}"
+    effectors = None if entry.contact is None else frozenset(entry.contact)
+    try:
+        surface = Surface(name, vertices, friction if entry.friction is None else entry.friction, effectors)
+    except InputError as error:
+        problem = str(error).removeprefix(f"surface {name!r}: ")
+        key, _, rest = problem.partition(" ")
+        raise InputError(f"{source}: {where}.{key}: {name!r} {rest}") from None
+    if entry.normal is not None:
+        length = np.linalg.norm(entry.normal)
+        along = 0.0 if length < 1e-9 else float(surface.normal @ entry.normal) / length
+        if abs(along) < NORMAL_AGREES:
+            n = ", ".join(f"{x:.3g}" for x in surface.normal)
+            raise InputError(f"{source}: {where}.normal: expected [{n}] or its opposite, got {list(entry.normal)}")
+        if along < 0:
+            surface = surface.flipped()
+            notes.append(f"{where}: {name!r} was clockwise seen along its normal and is turned over")
+    if _is_upside_down(surface, given=entry.normal is not None):
+        surface = surface.flipped()
+        notes.append(f"{where}: {name!r} faced down, where no foot can stand, and is turned over")
+    return surface
+
+
+def _is_upside_down(surface: Surface, *, given: bool) -> bool:
+    """Whether a polygon is meant for feet and faces down.
+
+    Feet are named in `contact`, or nobody is and neither feet nor palms could use it as it lies; a normal that was
+    given makes the latter a ceiling.
+    """
+    if surface.normal[2] >= 0:
+        return False
+    if surface.effectors is not None:
+        return any(is_foot(effector) for effector in surface.effectors)
+    return not given and not any(surface.allows(effector) for effector in EFFECTORS)
+
+
+def _box(entry: ObstacleEntry, index: int) -> Box:
+    return Box(entry.name or f"obstacle_{index}", np.array(entry.box), _pose(entry.pose))
+
+
+def _without_boxes(triangles: np.ndarray, obstacles: list[Box | TriangleMesh]) -> np.ndarray:
+    """(K, 3, 3) the triangles that are not, to a micrometre, those of a box."""
+    if not obstacles:
+        return triangles
+    boxes = np.concatenate([o.triangles() for o in obstacles]).reshape(-1, 9)
+    known = {row.tobytes() for row in np.round(boxes, 5) + 0.0}
+    keep = [row.tobytes() not in known for row in np.round(triangles.reshape(-1, 9), 5) + 0.0]
+    return triangles[keep]
+
+
+def _meshes(entries: list[MeshEntry], friction: float, source: str, folder: Path | None) -> list[MeshImport]:
+    imported, names = [], set()
+    for i, entry in enumerate(entries):
+        where = f"{source}: meshes[{i}].file"
+        path = mesh_path(entry.file, folder, where)
+        name = stem = mesh_name(path)
+        while name in names:
+            name = f"{stem}_{i}"
+            stem = name
+        names.add(name)
+        scale = entry.scale if "scale" in entry.model_fields_set else None
+        try:
+            imported.append(
+                import_mesh(
+                    path, reference=entry.file, name=name, X_WM=_pose(entry.pose), scale=scale, friction=friction
+                )
+            )
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+    return imported
+
+
+def _check_names(names: list[str], key: str, source: str) -> None:
+    seen: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if not name.isprintable():
+            raise InputError(f"{source}: {key}[{i}].name: expected printable text, got {name!r}")
+        if name in seen:
+            raise InputError(f"{source}: {key}[{i}].name: {name!r} is the name of {key}[{seen[name]}] already")
+        seen[name] = i
+
+
+def _start(entry: StartEntry, terrain: Terrain, source: str) -> Start:
+    if entry.stance is None:
+        if entry.xyz is None:
+            raise InputError(f"{source}: start: expected xyz or stance")
+        return Start(entry.xyz, entry.yaw or 0.0)
+    if entry.xyz is not None or entry.yaw is not None:
+        raise InputError(f"{source}: start: expected xyz and yaw, or stance, not both")
+    given = [(e, getattr(entry.stance, e)) for e in EFFECTORS]
+    contacts = tuple(_contact(e, c, terrain, source) for e, c in given if c is not None)
+    feet = [c for c in contacts if is_foot(c.effector)]
+    if not feet:
+        raise InputError(f"{source}: start.stance: expected a foot on the ground")
+    mean = np.mean([c.p_WC for c in feet], axis=0)
+    yaw = np.arctan2(sum(np.sin(c.heading) for c in feet), sum(np.cos(c.heading) for c in feet))
+    return Start((float(mean[0]), float(mean[1]), float(mean[2])), float(yaw), contacts)
+
+
+def _contact(effector: str, entry: ContactEntry, terrain: Terrain, source: str) -> Contact:
+    where = f"{source}: start.stance.{effector}"
+    names = [surface.name for surface in terrain.surfaces]
+    if entry.surface not in names:
+        raise InputError(f"{where}.surface: {unknown_name('surface', entry.surface, names)}")
+    index = names.index(entry.surface)
+    surface = terrain.surfaces[index]
+    if not surface.allows(effector):
+        raise InputError(f"{where}.surface: {surface.name!r} does not take a {effector}")
+    X_WC = pose_matrix(entry.xyz, entry.rpy)
+    height = float((X_WC[:3, 3] - surface.centroid) @ surface.normal)
+    edges = np.roll(surface.vertices, -1, axis=0) - surface.vertices
+    inward = np.cross(surface.normal, edges) / np.linalg.norm(edges, axis=1, keepdims=True)
+    inside = float(((X_WC[:3, 3] - surface.vertices) * inward).sum(axis=1).min())
+    if abs(height) > CONTACT_OFF or inside < -CONTACT_OFF:
+        raise InputError(
+            f"{where}.xyz: expected a point on {surface.name!r}, this one is {height:.3g} m above its plane and "
+            f"{max(-inside, 0.0):.3g} m outside its edges"
+        )
+    if X_WC[:3, 2] @ surface.normal < CONTACT_TILT:
+        raise InputError(f"{where}.rpy: expected the z axis along the normal of {surface.name!r}")
+    return Contact(effector, index, X_WC, surface.friction, _heading(effector, X_WC[:3, :3]))
+
+
+def _heading(effector: str, R_WC: np.ndarray) -> float:
+    """Yaw of the level direction whose projection on the contact's plane is its x axis [rad]; 0 for fingers up."""
+    if not is_foot(effector) and abs(R_WC[2, 2]) < NEAR_LEVEL:
+        return 0.0
+    level = R_WC[2, 2] * R_WC[:2, 0] - R_WC[2, 0] * R_WC[:2, 2]
+    return float(np.arctan2(level[1], level[0]))
+
+
+def _disturbance(entry: DisturbanceEntry) -> Disturbance:
+    region = entry.region
+    return Disturbance(
+        np.array(entry.impulses, float),
+        entry.probability,
+        None if region is None else region.box,
+        None if region is None else _pose(region.pose),
+    )

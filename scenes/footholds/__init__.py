@@ -1,0 +1,1 @@
+"""Where a sole or a palm fits on a terrain."""

@@ -1,0 +1,1 @@
+"""Triangle meshes as terrain: reading, orienting, and finding their flat regions."""

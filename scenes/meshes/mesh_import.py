@@ -1,0 +1,136 @@
+"""A mesh as terrain: its flat regions become surfaces, the mesh itself an obstacle."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenes.footholds.convex_cover import convex_cover, min_width
+from scenes.input_error import InputError
+from scenes.meshes.mesh_file import drop_degenerate, read_mesh
+from scenes.meshes.mesh_orientation import turn_outward
+from scenes.meshes.planar_regions import planar_regions
+from scenes.terrain.surface import PALM_TILT, Surface
+from scenes.terrain.terrain import TriangleMesh
+
+NARROWEST = 0.04  # [m] no sole or palm is narrower, so nothing narrower can be stood or leant on
+MESH_PREFIX = "mesh:"  # surfaces cut out of a mesh are called mesh:<mesh>/<number>
+LARGEST = 200.0  # [m] a mesh larger than this is more likely in millimetres
+Y_UP_RATIO = 6.0  # a terrain with this much more area facing +y than +z is more likely y-up
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedMesh(TriangleMesh):
+    """A mesh that was read from a file, already in W.
+
+    Attributes:
+        reference: the `file:` entry, relative to a scene file or `package://`.
+        path: the file itself.
+        X_WM: (4, 4) pose of the mesh's frame in W.
+        scale: factor from the file's unit to metres.
+    """
+
+    reference: str
+    path: Path
+    X_WM: np.ndarray
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class MeshImport:
+    """What became of a mesh.
+
+    Attributes:
+        obstacle: the mesh, for collision.
+        surfaces: the flat parts that a sole or a palm can use by their tilt and width.
+        notes: what was changed on the way, one line each.
+    """
+
+    obstacle: ImportedMesh
+    surfaces: tuple[Surface, ...]
+    notes: tuple[str, ...] = ()
+
+
+def import_mesh(
+    path: Path,
+    *,
+    reference: str | None = None,
+    name: str | None = None,
+    X_WM: np.ndarray | None = None,
+    scale: float | None = None,
+    friction: float = 0.5,
+) -> MeshImport:
+    """Reads a mesh and cuts surfaces out of it.
+
+    Flat regions (`planar_regions`) are covered by convex surfaces that overlap (`convex_cover`), so that a sole may
+    stand wherever the region holds it. Regions that face down more than a palm can use, and those narrower than
+    `NARROWEST`, stay obstacle only. Who may touch a surface follows from its tilt.
+
+    Args:
+        path: of the STL, OBJ, PLY or DAE file.
+        reference: how a scene file names it; by default the file's name.
+        name: of the obstacle, unique in its terrain; by default the file's stem.
+        X_WM: (4, 4) pose of the mesh's frame in W.
+        scale: factor from the file's unit to metres; None means 1 and that the size is checked.
+        friction: of every surface [-].
+
+    Raises:
+        InputError: the file cannot be used, or its size says that it is in millimetres.
+    """
+    X_WM = np.eye(4) if X_WM is None else X_WM
+    triangles = read_mesh(path)
+    with np.errstate(over="ignore"):
+        triangles = triangles * (1.0 if scale is None else scale)
+        triangles = triangles @ X_WM[:3, :3].T + X_WM[:3, 3]
+    _check_size(triangles, path, scale)
+    triangles = drop_degenerate(triangles)
+    if len(triangles) == 0:
+        raise InputError(f"{path}: no face has an area, expected triangles of more than a point or a line")
+    triangles, turned = turn_outward(triangles)
+    triangles.setflags(write=False)
+    name = mesh_name(path) if name is None else name
+    obstacle = ImportedMesh(name, triangles, reference or path.name, path, X_WM, 1.0 if scale is None else scale)
+    surfaces = []
+    for region in planar_regions(triangles, min_width=NARROWEST, max_tilt=PALM_TILT[1]):
+        for corners in convex_cover(region.outline):
+            if min_width(corners) >= NARROWEST:
+                surface = Surface(f"{MESH_PREFIX}{name}/{len(surfaces)}", region.lift(corners), friction)
+                surfaces.append(surface)
+    return MeshImport(obstacle, tuple(surfaces), tuple(f"{path.name}: {note}" for note in turned))
+
+
+def mesh_name(path: Path) -> str:
+    """A name for the obstacle that a mesh file becomes: the file's stem in plain characters."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem) or "mesh"
+
+
+def check_up_axis(meshes: tuple[ImportedMesh, ...]) -> None:
+    """Refuses meshes that lie on their side; to be asked only where they are all the ground there is.
+
+    Raises:
+        InputError: much more area faces +y than +z, as in files of programs whose up is y.
+    """
+    normals = [np.cross(m.faces[:, 1] - m.faces[:, 0], m.faces[:, 2] - m.faces[:, 0]) / 2 for m in meshes]
+    for mesh, doubled in zip(meshes, normals, strict=True):
+        area = np.linalg.norm(doubled, axis=1)
+        facing = {axis: float(area[doubled[:, axis] > np.sqrt(0.5) * area].sum()) for axis in (1, 2)}
+        if facing[1] > Y_UP_RATIO * facing[2]:
+            raise InputError(
+                f"{mesh.path}: {facing[1]:.3g} m^2 face +y and {facing[2]:.3g} m^2 face up (+z), as if y were up: "
+                f"list it under meshes in a scene file with pose: {{rpy: [1.5708, 0, 0]}}"
+            )
+
+
+def _check_size(triangles: np.ndarray, path: Path, scale: float | None) -> None:
+    points = triangles.reshape(-1, 3)
+    extent = float((points.max(axis=0) - points.min(axis=0)).max())
+    if not np.isfinite(extent) or np.abs(points).max() > 1e5:
+        raise InputError(f"{path}: reaches {np.abs(points).max():.3g} m from the origin, expected at most 100 km")
+    if scale is None and extent > LARGEST:
+        raise InputError(
+            f"{path}: {extent:.0f} m across, as if it were in millimetres: list it under meshes in a scene file with "
+            f"scale: 0.001, or scale: 1.0 if it is that large"
+        )

@@ -1,0 +1,187 @@
+"""Triangles merged into the largest flat regions, less the parts that lie inside a solid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from scenes.meshes.mesh_orientation import Bodies
+
+OFF_PLANE = 1e-3  # [m] corners of one region lie about this near its plane
+NORMAL_CELL = 0.04  # grid of unit normals, coarser than twice the degree below
+REFITS = 8  # how often a plane is fitted to its faces at most
+OFF_NORMAL = np.cos(np.deg2rad(1.0))  # normals of one region lie within a degree
+GRID = 1e-5  # [m] corners are snapped to this, so that what should touch touches
+CRACK = 2e-4  # [m] gaps between faces up to this width are closed
+BURIED = 1.5e-3  # [m] height over a region at which what is solid hides it; more than OFF_PLANE
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A connected flat region, with holes where it has them.
+
+    Attributes:
+        outline: in the region's own axes [m].
+        origin: (3,) where those axes start [m].
+        axes: (3, 3) rows: the two axes of the plane and the outward normal.
+    """
+
+    outline: Polygon
+    origin: np.ndarray
+    axes: np.ndarray
+
+    def lift(self, corners: np.ndarray) -> np.ndarray:
+        """(K, 3) points of W from (K, 2) points of the region's own axes [m]."""
+        return self.origin + corners @ self.axes[:2]
+
+
+def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) -> Iterator[Region]:
+    """The flat regions of a mesh that are wide enough and do not face down too much, their buried parts cut away.
+
+    Faces belong together when they lie in one plane (`OFF_PLANE`, `OFF_NORMAL`) and touch; that they share no edge in
+    the file, overlap, or come from two blocks side by side makes no difference.
+
+    Args:
+        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        min_width: regions in which no disc of this diameter fits are left out [m].
+        max_tilt: regions whose normal is farther from the vertical are left out [rad].
+    """
+    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    area = np.linalg.norm(doubled, axis=1) / 2
+    normals = doubled / (2 * area[:, None])
+    wanted = normals[:, 2] >= np.cos(max_tilt) - 1e-9
+    least = np.pi / 4 * min_width**2
+    bodies = Bodies(triangles)
+    for members, origin, normal in _coplanar_groups(triangles, normals, area, wanted):
+        if area[members].sum() < least:
+            continue
+        axes = _plane_axes(normal)
+        flat = (triangles[members] - origin) @ axes[:2].T
+        outline = _merged(flat)
+        if outline.buffer(-min_width / 2).is_empty:
+            continue
+        # A closed body does not wind round a point outside its box: a section needs only the bodies near it.
+        low, high = triangles[members].min(axis=(0, 1)), triangles[members].max(axis=(0, 1))
+        near = bodies.near(low - 2 * BURIED, high + 2 * BURIED)
+        outline = outline.difference(_buried(outline, triangles[near], normals[near], origin, axes))
+        for part in shapely.get_parts(outline):
+            if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
+                yield Region(part, origin, axes)
+
+
+def _coplanar_groups(
+    triangles: np.ndarray, normals: np.ndarray, area: np.ndarray, wanted: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """(indices, point, normal) of the triangles in one plane with each seed, the largest triangle not yet taken.
+
+    The plane is fitted to what it has gathered and gathers again, so that a rough floor does not fall apart because its
+    largest triangle lies a little askew.
+    """
+    free = wanted.copy()
+    # Normals within two degrees differ by less than a cell, so they lie in the seed's cell or one next to it.
+    cells = np.floor(normals / NORMAL_CELL).astype(np.int64)
+    order = np.lexsort(cells.T[::-1])
+    keys, starts = np.unique(cells[order], axis=0, return_index=True)
+    members = dict(zip(map(tuple, keys.tolist()), np.split(order, starts[1:]), strict=True))
+    centres = triangles.mean(axis=1)
+    for seed in np.argsort(-area, kind="stable"):
+        if not free[seed]:
+            continue
+        i, j, k = cells[seed].tolist()
+        around = product((i - 1, i, i + 1), (j - 1, j, j + 1), (k - 1, k, k + 1))
+        near = np.concatenate([members[cell] for cell in around if cell in members])
+        near = near[free[near]]
+        point, normal = centres[seed], normals[seed]
+        taken = np.array([seed])
+        for _ in range(REFITS):
+            like = near[normals[near] @ normal >= OFF_NORMAL]
+            off = np.abs((triangles[like] - point) @ normal).max(axis=1)
+            gathered = like[off <= OFF_PLANE]
+            if len(gathered) <= len(taken) or seed not in gathered:
+                break
+            taken = gathered
+            weights = area[taken] / area[taken].sum()
+            point, normal = weights @ centres[taken], weights @ normals[taken]
+            normal /= np.linalg.norm(normal)
+        free[taken] = False
+        yield taken, point, normal
+
+
+def _plane_axes(normal: np.ndarray) -> np.ndarray:
+    """(3, 3) rows: two axes of the plane, the first one level, and its normal."""
+    level = np.array([-normal[1], normal[0], 0.0])
+    if np.linalg.norm(level) < 1e-6:
+        level = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
+    level /= np.linalg.norm(level)
+    return np.stack([level, np.cross(normal, level), normal])
+
+
+def _merged(flat: np.ndarray) -> BaseGeometry:
+    """The union of (K, 3, 2) triangles, cracks closed."""
+    union = shapely.union_all(shapely.polygons(flat), grid_size=GRID)
+    return union.buffer(CRACK, join_style="mitre").buffer(-CRACK, join_style="mitre")
+
+
+def _buried(
+    outline: BaseGeometry, triangles: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
+) -> BaseGeometry:
+    """The part of a region that has solid on top, found in a section parallel to it and `BURIED` above.
+
+    A sole set down there would stand inside a block. The section's cells are solid where the faces around them wind
+    once or more: that faces are doubled, interpenetrate or belong to no closed body does not matter, and what a body
+    with missing faces fails to enclose is kept.
+    """
+    height = triangles @ axes[2] - (origin @ axes[2] + BURIED)
+    below = height < 0
+    crossing = below.any(axis=1) & ~below.all(axis=1)
+    segments = _section(triangles[crossing], height[crossing], normals[crossing], origin, axes)
+    if len(segments) == 0:
+        return Polygon()
+    # The cells are needed over the outline only: a frame closes them there.
+    frame = shapely.box(*outline.buffer(10 * GRID).bounds)
+    low, high = np.array(frame.bounds[:2]), np.array(frame.bounds[2:])
+    here = ((segments.min(axis=1) <= high) & (segments.max(axis=1) >= low)).all(axis=1)
+    lines: np.ndarray = shapely.linestrings(segments[here])  # pyright: ignore[reportAssignmentType]
+    lines = shapely.set_precision(lines, GRID)
+    noded = shapely.union_all([*lines[~shapely.is_empty(lines)], frame.exterior], grid_size=GRID)
+    cells = shapely.get_parts(shapely.polygonize([noded]))
+    cells = cells[shapely.intersects(cells, outline) & shapely.contains(frame.buffer(10 * GRID), cells)]
+    solid = [cell for cell in cells if _is_solid(cell, segments)]
+    return shapely.union_all(solid, grid_size=GRID)
+
+
+def _is_solid(cell: Polygon, segments: np.ndarray) -> bool:
+    """Whether segments wind round all of a cell; where a body has a hole in it, they do so round a part only."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(cell))
+    samples = shapely.get_coordinates(shapely.centroid(triangles))
+    return len(samples) > 0 and all(_winding(point, segments) > 0.5 for point in samples)
+
+
+def _section(
+    triangles: np.ndarray, height: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
+) -> np.ndarray:
+    """(S, 2, 2) segments in which triangles cut the plane of height zero, the solid on their left [m]."""
+    rolled, rolled_height = np.roll(triangles, -1, axis=1), np.roll(height, -1, axis=1)
+    cuts = (height < 0) != (rolled_height < 0)
+    # Every triangle here has corners on both sides, so exactly two of its edges are cut.
+    share = (height / np.where(cuts, height - rolled_height, 1.0))[cuts].reshape(-1, 2, 1)
+    ends = triangles[cuts].reshape(-1, 2, 3) + share * (rolled[cuts] - triangles[cuts]).reshape(-1, 2, 3)
+    segments = (ends - origin) @ axes[:2].T
+    along = segments[:, 1] - segments[:, 0]
+    outward = normals @ axes[:2].T
+    wrong = outward[:, 0] * along[:, 1] - outward[:, 1] * along[:, 0] < 0
+    segments[wrong] = segments[wrong, ::-1]
+    return segments
+
+
+def _winding(point: np.ndarray, segments: np.ndarray) -> float:
+    """How often (S, 2, 2) segments wind round a point counter-clockwise; a fraction where they do not close."""
+    a, b = segments[:, 0] - point, segments[:, 1] - point
+    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return float(np.arctan2(cross, (a * b).sum(axis=1)).sum() / (2 * np.pi))

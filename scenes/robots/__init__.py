@@ -1,0 +1,1 @@
+"""Robots as data, their Drake plants, and one folder for each robot."""

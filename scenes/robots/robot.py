@@ -1,0 +1,208 @@
+"""A robot as data: a model file and a YAML file beside it that names its contact frames, limits and reaches."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+from lxml import etree  # type: ignore[attr-defined]
+
+from scenes.effector import EFFECTORS
+from scenes.input_error import InputError, unknown_name
+from scenes.robots.schema import RobotEntry, read_robot_file
+
+ROBOTS = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class EffectorSpec:
+    """One end effector of a robot.
+
+    Attributes:
+        name: one of `EFFECTORS`.
+        frame: body of the model whose frame is the contact frame: centre of the sole or palm, z out of the surface
+            it presses on, x along the toes or fingers.
+        half_extent: half length along x and half width along y of the patch that may carry load [m].
+        overhang: how far the foot reaches beyond its patch to the front, to the back and to each side [m]; it needs
+            room there, but no ground. Palms have none.
+    """
+
+    name: str
+    frame: str
+    half_extent: tuple[float, float]
+    overhang: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """What planning needs to know of a robot.
+
+    Frame T is the approximated torso frame of Lin 2020 eq. 3.1 without its z offset: origin at the mean of the
+    feet, yaw the mean of the feet's yaws. Points of the right side mirror y.
+
+    Attributes:
+        name: as users write it.
+        model: the file that Drake's Parser loads alone.
+        model_sha256: of that file.
+        mass: [kg].
+        effectors: in the order of `EFFECTORS`.
+        base_body: the floating body.
+        torso_body: the body that carries the arms.
+        nominal: joint name -> angle of the standing posture [rad]; joints not named stand at 0.
+        shoulder: (3,) left shoulder in T [m].
+        hip: (3,) left hip in T [m].
+        arm_reach: least and greatest distance of shoulder and palm patch [m].
+        leg_reach: least and greatest distance of hip and sole [m].
+        com_height: least, nominal and greatest height of the CoM over the mean of the feet [m].
+        torso_box_centre: (3,) in T [m]; the box stands for trunk and thighs in searches.
+        torso_box_size: (3,) full edges [m].
+        max_foot_translation: how far a foot moves in one transition [m].
+        max_palm_translation: how far a palm moves in one transition [m].
+        max_step_height: greatest height between the feet [m].
+        foot_separation: least and nominal lateral distance of the feet [m].
+        force_limit: (4,) greatest normal force of each end effector, in multiples of M g.
+        com_reach: (4,) greatest distance of the CoM from each contact [m].
+    """
+
+    name: str
+    model: Path
+    model_sha256: str
+    mass: float
+    effectors: tuple[EffectorSpec, ...]
+    base_body: str
+    torso_body: str
+    nominal: dict[str, float]
+    shoulder: np.ndarray
+    hip: np.ndarray
+    arm_reach: tuple[float, float]
+    leg_reach: tuple[float, float]
+    com_height: tuple[float, float, float]
+    torso_box_centre: np.ndarray
+    torso_box_size: np.ndarray
+    max_foot_translation: float
+    max_palm_translation: float
+    max_step_height: float
+    foot_separation: tuple[float, float]
+    force_limit: np.ndarray
+    com_reach: np.ndarray
+
+    def __post_init__(self) -> None:
+        for field in ("shoulder", "hip", "torso_box_centre", "torso_box_size", "force_limit", "com_reach"):
+            array = np.array(getattr(self, field), dtype=float)
+            array.setflags(write=False)
+            object.__setattr__(self, field, array)
+
+    @cached_property
+    def half_extents(self) -> np.ndarray:
+        """(4, 2) half length and half width of each patch [m], in the order of `EFFECTORS`."""
+        return np.array([e.half_extent for e in self.effectors])
+
+    @cached_property
+    def q_nominal(self) -> np.ndarray:
+        """(nq,) standing: soles at z = 0, mean of the feet at the origin, heading along x. Loads the model once."""
+        from scenes.robots.plant import build_plant
+
+        q = build_plant(self).nominal_positions()
+        q.setflags(write=False)
+        return q
+
+
+def robot_names() -> list[str]:
+    """Names of the robots that come with drakeplan."""
+    return sorted(p.stem for p in ROBOTS.glob("*/*.yaml") if p.stem == p.parent.name)
+
+
+def load_robot(name: str | Path) -> Robot:
+    """Reads a robot by name, or from a YAML file given by path.
+
+    Raises:
+        InputError: no such robot, or a description that is wrong.
+    """
+    text = str(name)
+    if text.endswith((".yaml", ".yml")):
+        path = Path(text)
+        return _robot(path, read_robot_file(path))
+    if text not in robot_names():
+        raise unknown_name("robot", text, robot_names())
+    return _named_robot(text)
+
+
+@lru_cache(maxsize=8)
+def _named_robot(name: str) -> Robot:
+    path = ROBOTS / name / f"{name}.yaml"
+    return _robot(path, read_robot_file(path))
+
+
+def _robot(path: Path, entry: RobotEntry) -> Robot:
+    model = _model_file(path, entry)
+    tree = _read_model(model)
+    _check_names(path, entry, tree)
+    effectors = [entry.effectors[e] for e in EFFECTORS]
+    return Robot(
+        name=entry.name,
+        model=model,
+        model_sha256=hashlib.sha256(model.read_bytes()).hexdigest(),
+        mass=_mass(model, tree),
+        effectors=tuple(
+            EffectorSpec(n, e.frame, e.half_extent, e.overhang) for n, e in zip(EFFECTORS, effectors, strict=True)
+        ),
+        base_body=entry.base_body,
+        torso_body=entry.torso_body,
+        nominal=dict(entry.nominal),
+        shoulder=np.array(entry.shoulder),
+        hip=np.array(entry.hip),
+        arm_reach=entry.arm_reach,
+        leg_reach=entry.leg_reach,
+        com_height=entry.com_height,
+        torso_box_centre=np.array(entry.torso_box.centre),
+        torso_box_size=np.array(entry.torso_box.size),
+        max_foot_translation=entry.max_foot_translation,
+        max_palm_translation=entry.max_palm_translation,
+        max_step_height=entry.max_step_height,
+        foot_separation=entry.foot_separation,
+        force_limit=np.array([e.force_limit for e in effectors]),
+        com_reach=np.array([e.com_reach for e in effectors]),
+    )
+
+
+def _model_file(path: Path, entry: RobotEntry) -> Path:
+    if entry.package is not None:
+        from scenes.robots.adapter import adapted_model
+
+        return adapted_model(entry.name, entry.package, entry.base_body, entry.nominal, source=str(path))
+    model = (path.parent / str(entry.model)).resolve()
+    if not model.is_file():
+        raise InputError(f"{path}: model: there is no file {model}")
+    return model
+
+
+def _read_model(model: Path) -> etree._ElementTree:
+    try:
+        return etree.parse(str(model), etree.XMLParser(resolve_entities=False, no_network=True))
+    except etree.XMLSyntaxError as error:
+        raise InputError(f"{model}: not a readable URDF ({error})") from None
+
+
+def _mass(model: Path, tree: etree._ElementTree) -> float:
+    try:
+        mass = sum(float(m.get("value", "nan")) for m in tree.iterfind(".//link/inertial/mass"))
+    except ValueError:
+        mass = math.nan
+    if not math.isfinite(mass) or mass <= 0:
+        raise InputError(f"{model}: the masses of its links add up to {mass}, expected a positive number")
+    return mass
+
+
+def _check_names(path: Path, entry: RobotEntry, tree: etree._ElementTree) -> None:
+    links, joints = ({e.get("name") for e in tree.iterfind(tag)} for tag in ("link", "joint"))
+    frames = {f"effectors.{name}.frame": e.frame for name, e in entry.effectors.items()}
+    for key, link in {"base_body": entry.base_body, "torso_body": entry.torso_body, **frames}.items():
+        if link not in links:
+            raise InputError(f"{path}: {key}: the model has no link {link!r}")
+    for joint in entry.nominal:
+        if joint not in joints:
+            raise InputError(f"{path}: nominal: the model has no joint {joint!r}")

@@ -1,0 +1,220 @@
+"""A terrain packed into arrays that compiled kernels can read, with a grid that finds what is near."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from scenes.effector import EFFECTORS
+from scenes.terrain.terrain import Terrain
+
+CELL = 0.5  # [m] edge of a grid cell; a query box of a step's size touches a handful
+MAX_CELLS = 4_000_000  # a terrain wider than this many cells gets larger ones
+PLATE_SPLIT = 1e-9  # area below which a triangle of an obstacle is dropped
+
+
+class PackedTerrain(NamedTuple):
+    """Polygons (surfaces first, then obstacle triangles) as arrays, and a uniform grid over their xy boxes.
+
+    Attributes:
+        num_surfaces: S; polygons S and beyond are obstacle triangles that nothing may touch.
+        vertices: (P, K, 3) [m] in W, padded; `count` (P,) tells how many are real.
+        count: (P,) vertices of each polygon.
+        normal: (P, 3) outward unit normals; a point p on the plane has normal @ p = offset.
+        offset: (P,) [m].
+        edge_normal: (P, K, 3) outward in-plane unit normals of the edges.
+        edge_offset: (P, K) inside means edge_normal @ p <= edge_offset.
+        low, high: (P, 3) axis-aligned bounds [m].
+        allowed: (P, 4) whether each end effector may touch the polygon.
+        body: (P,) 1 where the polygon is a solid face (an obstacle triangle or a plate), 0 where a mesh face doubles it.
+        friction: (P,) Coulomb coefficient.
+        origin: (2,) lowest x and y of the grid [m].
+        cell: (1,) edge of a cell [m].
+        shape: (2,) cells in x and y.
+        cell_start: (cells + 1,) and cell_items: polygons of each cell, in CSR form.
+    """
+
+    num_surfaces: int
+    vertices: np.ndarray
+    count: np.ndarray
+    normal: np.ndarray
+    offset: np.ndarray
+    edge_normal: np.ndarray
+    edge_offset: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    allowed: np.ndarray
+    body: np.ndarray
+    friction: np.ndarray
+    origin: np.ndarray
+    cell: np.ndarray
+    shape: np.ndarray
+    cell_start: np.ndarray
+    cell_items: np.ndarray
+
+
+def pack_terrain(terrain: Terrain) -> PackedTerrain:
+    """The arrays of a terrain; work once per scene, proportional to its size."""
+    polygons = [s.vertices for s in terrain.surfaces]
+    triangles = terrain.triangles
+    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    triangles = triangles[np.linalg.norm(doubled, axis=1) > 2 * PLATE_SPLIT]
+    num_surfaces, total = len(polygons), len(polygons) + len(triangles)
+    width = max([len(p) for p in polygons] + [3])
+    vertices = np.zeros((total, width, 3))
+    count = np.full(total, 3)
+    for i, polygon in enumerate(polygons):
+        count[i] = len(polygon)
+        vertices[i, : len(polygon)] = polygon
+        vertices[i, len(polygon) :] = polygon[0]
+    vertices[num_surfaces:, :3] = triangles
+    vertices[num_surfaces:, 3:] = triangles[:, :1]
+
+    rolled = np.roll(vertices, -1, axis=1)
+    rolled[np.arange(total), count - 1] = vertices[:, 0]
+    normal = np.cross(vertices - vertices[:, :1], rolled - vertices[:, :1]).sum(axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    edge_normal = np.cross(rolled - vertices, normal[:, None])
+    length = np.linalg.norm(edge_normal, axis=2, keepdims=True)
+    edge_normal = np.divide(edge_normal, length, out=np.zeros_like(edge_normal), where=length > 1e-12)
+    allowed = np.zeros((total, len(EFFECTORS)), dtype=np.bool_)
+    for i, surface in enumerate(terrain.surfaces):
+        allowed[i] = [surface.allows(e) for e in EFFECTORS]
+    body = np.ones(total, dtype=np.bool_)
+    body[:num_surfaces] = ~np.array(terrain.surfaces_of_meshes, dtype=bool)
+    friction = np.zeros(total)
+    friction[:num_surfaces] = [s.friction for s in terrain.surfaces]
+    low, high = vertices.min(axis=1), vertices.max(axis=1)
+    return PackedTerrain(
+        num_surfaces,
+        vertices,
+        count,
+        normal,
+        (normal * vertices[:, 0]).sum(axis=1),
+        edge_normal,
+        (edge_normal * vertices).sum(axis=2),
+        low,
+        high,
+        allowed,
+        body,
+        friction,
+        *_grid(low, high),
+    )
+
+
+def _grid(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(origin, cell, shape, cell_start, cell_items) of the uniform grid over the polygons' xy boxes."""
+    origin = low[:, :2].min(axis=0) - 1e-6
+    extent = high[:, :2].max(axis=0) - origin + 1e-6
+    cell = max(CELL, float(np.sqrt(extent.prod() / MAX_CELLS)))
+    shape = np.maximum(np.ceil(extent / cell).astype(np.int64), 1)
+    first = np.floor((low[:, :2] - origin) / cell).astype(np.int64).clip(0, shape - 1)
+    last = np.floor((high[:, :2] - origin) / cell).astype(np.int64).clip(0, shape - 1)
+    cell_start, cell_items = _fill_cells(first, last, shape)
+    return origin, np.array([cell]), shape, cell_start, cell_items
+
+
+@njit(cache=True)
+def _fill_cells(first: np.ndarray, last: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    counts = np.zeros(shape[0] * shape[1] + 1, np.int64)
+    for k in range(first.shape[0]):
+        for i in range(first[k, 0], last[k, 0] + 1):
+            for j in range(first[k, 1], last[k, 1] + 1):
+                counts[i * shape[1] + j + 1] += 1
+    start = np.cumsum(counts)
+    items = np.empty(start[-1], np.int64)
+    fill = start[:-1].copy()
+    for k in range(first.shape[0]):
+        for i in range(first[k, 0], last[k, 0] + 1):
+            for j in range(first[k, 1], last[k, 1] + 1):
+                items[fill[i * shape[1] + j]] = k
+                fill[i * shape[1] + j] += 1
+    return start, items
+
+
+@njit(cache=True)
+def near(packed: PackedTerrain, x_low: float, y_low: float, x_high: float, y_high: float) -> np.ndarray:
+    """(n,) polygons whose xy box touches this one, ascending, each once."""
+    cell = packed.cell[0]
+    i0 = max(int(np.floor((x_low - packed.origin[0]) / cell)), 0)
+    j0 = max(int(np.floor((y_low - packed.origin[1]) / cell)), 0)
+    i1 = min(int(np.floor((x_high - packed.origin[0]) / cell)), packed.shape[0] - 1)
+    j1 = min(int(np.floor((y_high - packed.origin[1]) / cell)), packed.shape[1] - 1)
+    total = 0
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            c = i * packed.shape[1] + j
+            total += packed.cell_start[c + 1] - packed.cell_start[c]
+    found = np.empty(total, np.int64)
+    n = 0
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            c = i * packed.shape[1] + j
+            for q in range(packed.cell_start[c], packed.cell_start[c + 1]):
+                k = packed.cell_items[q]
+                if (
+                    packed.low[k, 0] <= x_high
+                    and packed.high[k, 0] >= x_low
+                    and packed.low[k, 1] <= y_high
+                    and packed.high[k, 1] >= y_low
+                ):
+                    found[n] = k
+                    n += 1
+    found = np.sort(found[:n])
+    unique = 0
+    for q in range(n):
+        if q == 0 or found[q] != found[q - 1]:
+            found[unique] = found[q]
+            unique += 1
+    return found[:unique]
+
+
+@njit(cache=True)
+def polygon_meets_box(
+    vertices: np.ndarray, count: int, R_WB: np.ndarray, p_WB: np.ndarray, low: np.ndarray, high: np.ndarray,
+    work: np.ndarray,
+) -> bool:  # fmt: skip
+    """Whether a planar polygon meets an oriented box (frame B, from `low` to `high` in B) by clipping.
+
+    Args:
+        vertices: (K, 3) [m] in W; the first `count` are real.
+        work: (2, K + 6, 3) scratch.
+    """
+    m = count
+    cur = 0
+    for k in range(m):
+        dx, dy, dz = vertices[k, 0] - p_WB[0], vertices[k, 1] - p_WB[1], vertices[k, 2] - p_WB[2]
+        for a in range(3):
+            work[0, k, a] = R_WB[0, a] * dx + R_WB[1, a] * dy + R_WB[2, a] * dz
+    for side in range(6):
+        axis = side // 2
+        sign = 1.0 if side % 2 == 0 else -1.0
+        bound = high[axis] if side % 2 == 0 else -low[axis]
+        all_in = True
+        for k in range(m):
+            if sign * work[cur, k, axis] > bound:
+                all_in = False
+                break
+        if all_in:
+            continue
+        out = 0
+        for k in range(m):
+            j = k + 1 if k + 1 < m else 0
+            a = sign * work[cur, k, axis] - bound
+            b = sign * work[cur, j, axis] - bound
+            if a <= 0:
+                for q in range(3):
+                    work[1 - cur, out, q] = work[cur, k, q]
+                out += 1
+            if (a < 0 and b > 0) or (a > 0 and b < 0):
+                t = a / (a - b)
+                for q in range(3):
+                    work[1 - cur, out, q] = work[cur, k, q] + t * (work[cur, j, q] - work[cur, k, q])
+                out += 1
+        m = out
+        cur = 1 - cur
+        if m == 0:
+            return False
+    return True
