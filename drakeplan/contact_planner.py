@@ -20,8 +20,8 @@ from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.timing import Timing
 from drakeplan.transition_check import TransitionCheck
 from learning.surrogate import DynamicsSurrogate, load_surrogate
-from optimization.tail_dynamics import TailDynamics
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.window_dynamics import TailDynamics
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.stance import Stance

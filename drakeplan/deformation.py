@@ -34,9 +34,9 @@ from drakeplan.strip_setup import (
     warm_up,
 )
 from drakeplan.verifier import Report, verify
-from optimization.elastic_problem import CONTACT, StripEstimate, StripOptions
-from optimization.elastic_strip import ElasticStrip
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.elastic_strip.problem import CONTACT, StripEstimate, StripOptions
+from optimization.elastic_strip.program import ElasticStrip
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
 from scenes.files.scene_file import scene_from_yaml
 from scenes.footholds.contact_regions import ContactRegions

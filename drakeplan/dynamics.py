@@ -8,12 +8,12 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from drakeplan.phases import Schedule
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_options import CentroidalOptions, CentroidalWeights
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.contact_schedule import ContactSchedule
-from optimization.joint_torques import TorqueRows
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import CentroidalOptions, CentroidalWeights
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.kinodynamic.joint_torques import TorqueRows
 from scenes.robots.robot import Robot
 
 # Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes

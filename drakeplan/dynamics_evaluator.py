@@ -15,8 +15,8 @@ import numpy as np
 from drakeplan.contact_pool import ContactPool, Held
 from learning.surrogate import DynamicsSurrogate
 from learning.transition_batch import TransitionBatch
-from optimization.centroidal_options import CentroidalOptions
-from optimization.transition_dynamics import TransitionDynamics
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.transition_dynamics import TransitionDynamics
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 

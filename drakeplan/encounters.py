@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject
 
-from optimization.frame_task import DistanceRows
-from optimization.kinematics import Kinematics
+from optimization.inverse_kinematics.frame_task import DistanceRows
+from optimization.multibody.kinematics import Kinematics
 from scenes.effector import EFFECTORS
 from scenes.robots.plant import RobotPlant
 

@@ -1,4 +1,4 @@
-"""Durations of a plan's phases chosen for least effort, in the same time altogether (see `optimization.centroidal_timing`)."""
+"""Durations of a plan's phases chosen for least effort, in the same time altogether (see `optimization.centroidal.timing`)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from drakeplan.phases import Schedule, make_schedule
 from drakeplan.plan import Plan
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.centroidal_timing import TimingOptions, optimise_timing
-from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.contact_schedule import ContactSchedule
-from optimization.timing_step import whole_cost
-from optimization.transition_dynamics import transition_options
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.timing import TimingOptions, optimise_timing
+from optimization.centroidal.timing_step import whole_cost
+from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.centroidal.transition_dynamics import transition_options
 from scenes.contact import Contact
 from scenes.robots.robot import Robot
 from scenes.stance import Stance

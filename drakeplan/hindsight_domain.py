@@ -23,7 +23,7 @@ from drakeplan.contact_pool import Held
 from drakeplan.dynamic_costs import DynamicCosts, DynamicWeights
 from drakeplan.dynamic_domain import COM_CELL, VELOCITY_CELL, State
 from drakeplan.dynamics_evaluator import stance_of
-from optimization.tail_dynamics import BodyState, TailDynamics
+from optimization.centroidal.window_dynamics import BodyState, TailDynamics
 
 WINDOW = 5  # transitions
 GREED = 200.0  # of the search until there is a first path: g counts this much less than h

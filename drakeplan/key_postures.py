@@ -20,12 +20,12 @@ from drakeplan.encounters import ProximityMonitor
 from drakeplan.phases import MOVE, Schedule
 from drakeplan.posture_room import Room, apart
 from drakeplan.swing import SwingCurve
-from optimization.frame_task import LEVER, TrackingTargets
-from optimization.friction import cone_generators
-from optimization.kinematics import Kinematics
-from optimization.posture_tracking import TrackedPostures, track_postures
-from optimization.static_equilibrium import com_polygon
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.friction import cone_generators
+from optimization.balance.static_equilibrium import com_polygon
+from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
+from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.multibody.kinematics import Kinematics
 from scenes.contact import Contact
 from scenes.robots.robot import Robot
 

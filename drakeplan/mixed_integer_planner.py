@@ -22,11 +22,11 @@ from drakeplan.contact_pool import ContactPool
 from drakeplan.search.ana_star import Limits
 from drakeplan.start_stance import check_goal, start_stance
 from drakeplan.transition_check import TransitionCheck
-from optimization.contact_query import ContactEstimate, ContactQuery, FootstepOptions
-from optimization.mixed_integer import FootstepProgram
-from optimization.mixed_integer_solvers import MixedIntegerSettings, Progress
-from optimization.step_reach import step_reach
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
+from optimization.contact_programs.footstep_program import FootstepProgram
+from optimization.contact_programs.step_reach import step_reach
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.mixed_integer.solver import MixedIntegerSettings, Progress
 from scenes.input_error import unknown_name
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
@@ -63,11 +63,11 @@ FORMULATIONS = ("footsteps", "contacts", "gcs")
 def _build(formulation: str, query: ContactQuery, options: FootstepOptions) -> _Program:
     """The program of this name; its module is loaded now, since most queries are for the search."""
     if formulation == "contacts":
-        from optimization.mixed_integer_dynamics import ContactDynamicsProgram
+        from optimization.contact_programs.contact_momentum_program import ContactDynamicsProgram
 
         return ContactDynamicsProgram(query, options)
     if formulation == "gcs":
-        from optimization.convex_set_graph import ConvexSetGraph
+        from optimization.contact_programs.convex_set_graph import ConvexSetGraph
 
         return ConvexSetGraph(query, options)
     return FootstepProgram(query, options)

@@ -23,11 +23,11 @@ from drakeplan.motion_check import Problem, velocities
 from drakeplan.motion_frames import MotionFrames, Setting
 from drakeplan.phases import Schedule, make_schedule
 from drakeplan.progress import Progress, ProgressEvent
-from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.inverse_dynamics import effort_limits
-from optimization.joint_torques import motion_torques
-from optimization.momentum_gap import MomentumGap
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.kinodynamic.joint_torques import motion_torques
+from optimization.kinodynamic.momentum_gap import MomentumGap
+from optimization.multibody.inverse_dynamics import effort_limits
 from scenes.robots.plant import RobotPlant, build_plant
 from scenes.robots.robot import Robot
 from scenes.stance import Stance

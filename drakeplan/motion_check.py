@@ -10,9 +10,9 @@ from scipy.linalg import solve_banded
 
 from drakeplan.encounters import Encounters
 from drakeplan.phases import Schedule
-from optimization.frame_task import LEVER
-from optimization.kinematics import Kinematics, difference
-from optimization.momentum_tracking import motion_poses
+from optimization.inverse_kinematics.frame_task import LEVER
+from optimization.kinodynamic.momentum_tracking import motion_poses
+from optimization.multibody.kinematics import Kinematics, difference
 
 # The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]

@@ -26,14 +26,14 @@ from drakeplan.motion_targets import (
     smoothed,
 )
 from drakeplan.phases import MOVE, Schedule
-from optimization.alternation import alternate
-from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.frame_task import frame_targets
-from optimization.joint_torques import TorqueRows
-from optimization.momentum_gap import Gap, MomentumGap
-from optimization.momentum_tracking import MomentumTargets, motion_momentum, motion_poses, track_momentum
-from optimization.posture_tracking import TrackedPostures, track_postures
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.inverse_kinematics.frame_task import frame_targets
+from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.kinodynamic.alternation import alternate
+from optimization.kinodynamic.joint_torques import TorqueRows
+from optimization.kinodynamic.momentum_gap import Gap, MomentumGap
+from optimization.kinodynamic.momentum_tracking import MomentumTargets, motion_momentum, motion_poses, track_momentum
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
 

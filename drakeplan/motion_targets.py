@@ -14,9 +14,9 @@ from drakeplan.dynamics import through
 from drakeplan.key_postures import COM, HOLD, Course, posture_weight
 from drakeplan.phases import BREAK, MAKE, MOVE, Schedule
 from drakeplan.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
-from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.frame_task import LEVER, TrackingTargets
-from optimization.kinematic_tree import KinematicTree
+from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
+from optimization.multibody.kinematic_tree import KinematicTree
 from scenes.effector import is_foot
 from scenes.footholds.projection import FOOT_CLEARANCE, PALM_CLEARANCE
 from scenes.robots.robot import Robot

@@ -29,8 +29,8 @@ from drakeplan.verifier import Report, verify
 from drakeplan.warm_up import warm_up
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError
-from optimization.friction import DEFAULT_CONE
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.friction import DEFAULT_CONE
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.stance import Stance

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drakeplan.encounters import KEEP, Encounters, ProximityMonitor
-from optimization.frame_task import TrackingTargets
-from optimization.kinematic_tree import KinematicTree, forward
-from optimization.posture_tracking import TrackedPostures, track_postures
+from optimization.inverse_kinematics.frame_task import TrackingTargets
+from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
+from optimization.multibody.kinematic_tree import KinematicTree, forward
 from scenes.robots.robot import Robot
 
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched

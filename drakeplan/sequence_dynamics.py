@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drakeplan.timing import Timing
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_estimate import CentroidalEstimate
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.contact_schedule import ContactSchedule
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 

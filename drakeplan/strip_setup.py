@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from drakeplan.plan import Plan, PlanMotion, PlanPhases
-from optimization.elastic_balance import BalancePolygons
-from optimization.elastic_check import contact_heading
-from optimization.elastic_problem import Gathering, StripProblem
-from optimization.elastic_rows import linearise, make_strip_rows
-from optimization.friction import cone_index, frame_stands_alone
-from optimization.static_equilibrium import polygon_margin
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.balance_regions import BalancePolygons
+from optimization.balance.friction import cone_index, frame_stands_alone
+from optimization.balance.static_equilibrium import polygon_margin
+from optimization.elastic_strip.check import contact_heading
+from optimization.elastic_strip.problem import Gathering, StripProblem
+from optimization.elastic_strip.rows import linearise, make_strip_rows
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose, contact_rotation
 from scenes.effector import is_foot
 from scenes.footholds.contact_regions import ContactRegions, cover_terrain

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from optimization.centroidal_options import CentroidalOptions
-from optimization.transition_dynamics import transition_options
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.transition_dynamics import transition_options
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 

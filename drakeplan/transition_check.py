@@ -13,10 +13,10 @@ import copy
 import numpy as np
 
 from drakeplan.contact_pool import ContactPool, Held
-from optimization.friction import cone_generators, cone_index, frame_stands_alone
-from optimization.static_equilibrium import com_polygon
-from optimization.terrain_clearance import limbs, penetration
-from optimization.whole_body_ik import IkOptions, WholeBodyIK
+from optimization.balance.friction import cone_generators, cone_index, frame_stands_alone
+from optimization.balance.static_equilibrium import com_polygon
+from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
+from optimization.multibody.terrain_clearance import limbs, penetration
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
 

@@ -8,7 +8,7 @@ from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions, Dyn
 from drakeplan.search.ana_star import Limits
 from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.surface import Surface

@@ -31,8 +31,8 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from optimization.friction import cone_generators, corner_points
-from optimization.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
+from optimization.balance.friction import cone_generators, corner_points
+from optimization.balance.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
 from scenes.robots.robot import load_robot

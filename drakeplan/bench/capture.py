@@ -10,8 +10,8 @@ import numpy as np
 
 from drakeplan.bench.capture_rose import PICTURE, draw_rose
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
-from optimization.capture import CaptureAnswer, CaptureChecker
-from optimization.capture_lip import (
+from optimization.capture.checker import CaptureAnswer, CaptureChecker
+from optimization.capture.inverted_pendulum import (
     angular_allowance,
     capture_point,
     depth_inside,
@@ -19,8 +19,8 @@ from optimization.capture_lip import (
     one_step_region,
     support_polygon,
 )
-from optimization.capture_question import CaptureQuestion
-from optimization.capture_sampling import CAPTURE_MOTIONS, random_question
+from optimization.capture.question import CaptureQuestion
+from optimization.capture.sampling import CAPTURE_MOTIONS, random_question
 from scenes.robots.robot import load_robot
 
 WELL_INSIDE = 0.02  # [m] of the capture point from the edge of the ground that captures

@@ -9,9 +9,9 @@ import numpy as np
 from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
-from optimization.capture import CaptureChecker
-from optimization.capture_lip import angular_allowance, capture_point, frequency, support_polygon
-from optimization.capture_question import CaptureQuestion
+from optimization.capture.checker import CaptureChecker
+from optimization.capture.inverted_pendulum import angular_allowance, capture_point, frequency, support_polygon
+from optimization.capture.question import CaptureQuestion
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
 from scenes.robots.robot import Robot

@@ -15,13 +15,13 @@ from drakeplan.bench import differential_dynamic, interior_point
 from drakeplan.bench.interior_point import InteriorPoint
 from drakeplan.bench.random_transitions import CATEGORIES, RandomTransition, random_transition
 from drakeplan.bench.table import BenchOptions, BenchTable
-from optimization import piqp_adapter
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_estimate import CentroidalEstimate
-from optimization.centroidal_options import UP, CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem, structure
-from optimization.contact_schedule import ContactSchedule
-from optimization.transition_dynamics import TransitionDynamics, transition_options
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.centroidal.options import UP, CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem, structure
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
+from optimization.convex import piqp_adapter
 from scenes.contact import Contact, contact_pose
 from scenes.robots.robot import Robot, load_robot
 from scenes.stance import Stance

@@ -12,8 +12,8 @@ from drakeplan.bench.robustness import COLUMNS, robustness_sums
 from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
-from optimization.centroidal_estimate import CentroidalEstimate
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.transition_model import transition_model

@@ -26,11 +26,11 @@ from drakeplan.sequence_dynamics import sequence_dynamics
 from drakeplan.timing import Timing
 from drakeplan.verifier import verify
 from drakeplan.warm_up import warm_up
-from optimization.centroidal_estimate import CentroidalEstimate
-from optimization.centroidal_options import GRAVITY
-from optimization.posture import PostureSolver
-from optimization.static_equilibrium import balance_region
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.static_equilibrium import balance_region
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.centroidal.options import GRAVITY
+from optimization.inverse_kinematics.drake_posture import PostureSolver
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.library import slippery_slope, steep_slope, wide_gap, wider_gap

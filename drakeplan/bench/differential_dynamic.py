@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem
 from scenes.effector import EFFECTORS
 
 INSTALL = "crocoddyl or casadi is not installed: pip install crocoddyl casadi, or the extra 'peers'"

@@ -8,7 +8,7 @@ from drakeplan.bench.table import BenchOptions, BenchTable, spread
 from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from drakeplan.warm_up import warm_up
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import load_robot
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.trajectory import CentroidalTrajectory
 from scenes.effector import EFFECTORS
 
 INSTALL = "casadi is not installed: pip install casadi, or the extra 'peers'"

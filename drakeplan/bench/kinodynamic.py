@@ -15,8 +15,8 @@ from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
 from drakeplan.plan import Plan
 from drakeplan.planning import PlanOptions, plan_scene
 from drakeplan.warm_up import warm_up
-from optimization.momentum_gap import PROMISED, Gap, MomentumGap
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.kinodynamic.momentum_gap import PROMISED, Gap, MomentumGap
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.files.scene_source import load_scene

@@ -21,7 +21,7 @@ from drakeplan.bench.kept_cases import KeptCases
 from drakeplan.bench.lin2019_queries import all_queries, mean
 from drakeplan.bench.mixed_integer_baseline import first_sequences, whole_plans
 from drakeplan.bench.table import BenchOptions, BenchTable
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import load_robot
 
 if TYPE_CHECKING:

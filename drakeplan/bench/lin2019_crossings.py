@@ -19,7 +19,7 @@ from drakeplan.bench.lin2019_queries import (
     planner_options,
 )
 from drakeplan.bench.table import BenchTable
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
 

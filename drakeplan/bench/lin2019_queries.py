@@ -18,8 +18,8 @@ from drakeplan.bench.kept_cases import Case, KeptCases
 from drakeplan.contact_planner import ContactPlannerOptions
 from drakeplan.warm_up import warm_up
 from learning.surrogate import DynamicsSurrogate, load_surrogate
-from optimization.friction import DEFAULT_CONE
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.friction import DEFAULT_CONE
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
 

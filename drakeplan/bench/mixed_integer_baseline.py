@@ -19,7 +19,7 @@ from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
 from scenes.transition_model import transition_model

@@ -15,8 +15,8 @@ import numpy as np
 
 from drakeplan.bench.momentumopt_case import Variant, read_case
 from drakeplan.bench.table import BenchOptions, BenchTable
-from optimization.centroidal_timing import TimingOptions, optimise_timing
-from optimization.centroidal_trajectory import CentroidalTrajectory
+from optimization.centroidal.timing import TimingOptions, optimise_timing
+from optimization.centroidal.trajectory import CentroidalTrajectory
 
 FILE = "momentumopt_demo01.json"
 NEAR = 0.06  # of every component of com, linear and angular momentum: the reference's own test [m, kg m/s, N m s]

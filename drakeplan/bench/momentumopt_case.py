@@ -20,11 +20,11 @@ import numpy as np
 from pydrake.solvers import LorentzConeConstraint
 from scipy.spatial.transform import Rotation
 
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_options import ARM, GRAVITY, CentroidalOptions, CentroidalWeights
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.centroidal_trajectory import CentroidalTrajectory
-from optimization.contact_schedule import ContactSchedule
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions, CentroidalWeights
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.trajectory import CentroidalTrajectory
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError

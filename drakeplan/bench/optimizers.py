@@ -15,10 +15,10 @@ from drakeplan.bench.centroidal import gap_walk, sequence_options, sequence_prob
 from drakeplan.bench.random_transitions import random_transition
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
 from drakeplan.bench.trial import Method, Trial, exact_hessian, free_timing, ours, run_trial
-from optimization import piqp_adapter
-from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.transition_dynamics import TransitionDynamics
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.transition_dynamics import TransitionDynamics
+from optimization.convex import piqp_adapter
 from scenes.robots.robot import Robot, load_robot
 
 Question = tuple[CentroidalProblem, CentroidalOptions]

@@ -13,8 +13,8 @@ from drakeplan.contact_planner import ContactPlanner
 from drakeplan.plan_options import PLANNERS, PlanOptions
 from drakeplan.planning import PlanResult, plan_scene
 from drakeplan.warm_up import warm_up
-from optimization.length_bound import LengthBound, length_lower_bound
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.contact_programs.length_bound import LengthBound, length_lower_bound
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import NAMED_SCENES
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene

@@ -16,7 +16,7 @@ from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.warm_up import warm_up
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_file import read_scene, write_scene
 from scenes.input_error import InputError
 from scenes.robots.robot import load_robot

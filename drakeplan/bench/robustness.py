@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from optimization.centroidal_options import GRAVITY
-from optimization.centroidal_trajectory import LEAST_LOAD, CentroidalTrajectory
-from optimization.contact_schedule import ContactSchedule
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import GRAVITY
+from optimization.centroidal.trajectory import LEAST_LOAD, CentroidalTrajectory
 
 COLUMNS = (
     "(5) |l| kg m/s", "(6) |ldot| N", "(7) |k| N m s", "(8) |kdot| N m", "(9) RMS |f| Mg", "(10) |torque| N m",

@@ -10,7 +10,7 @@ from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from drakeplan.warm_up import warm_up
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library.rubble_field import long, wide
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene

@@ -10,7 +10,7 @@ from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.warm_up import warm_up
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
 from scenes.library import NAMED_SCENES

@@ -23,7 +23,7 @@ from learning.relative_features import relative_features
 from learning.surrogate import DynamicsSurrogate, TransitionPrediction
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import canonicalise
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
 from scenes.files.scene_source import load_scene

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from drakeplan.bench import interior_point
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_check import violations
-from optimization.centroidal_options import ARM, GRAVITY, CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem, structure
-from optimization.centroidal_timing import TimingOptions, optimise_timing
-from optimization.centroidal_trajectory import CentroidalTrajectory, WrenchIntegrator
-from optimization.contact_wrench import CornerForces
+from optimization.balance.contact_wrench import CornerForces
+from optimization.centroidal.check import violations
+from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem, structure
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.timing import TimingOptions, optimise_timing
+from optimization.centroidal.trajectory import CentroidalTrajectory, WrenchIntegrator
 
 CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 ENOUGH = 3.0  # [s] of turns

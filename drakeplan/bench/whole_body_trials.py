@@ -16,16 +16,21 @@ from drakeplan.free_timing import effort, planned_schedule
 from drakeplan.mixed_integer_planner import MixedIntegerPlanner
 from drakeplan.planning import PlanOptions, plan_scene
 from drakeplan.timing import Timing
-from optimization.centroidal_check import violations
-from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.contact_schedule import ContactSchedule
-from optimization.convex_set_graph import ConvexSetGraph
-from optimization.kinodynamic import KinodynamicOptions, KinodynamicProblem, KinodynamicProgram
-from optimization.mixed_integer import ContactEstimate, ContactQuery, FootstepOptions, FootstepProgram
-from optimization.mixed_integer_dynamics import ContactDynamicsProgram
-from optimization.mixed_integer_solvers import BACKENDS, MixedIntegerSettings
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.check import violations
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.contact_programs.contact_momentum_program import ContactDynamicsProgram
+from optimization.contact_programs.convex_set_graph import ConvexSetGraph
+from optimization.contact_programs.footstep_program import (
+    ContactEstimate,
+    ContactQuery,
+    FootstepOptions,
+    FootstepProgram,
+)
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.kinodynamic.program import KinodynamicOptions, KinodynamicProblem, KinodynamicProgram
+from optimization.mixed_integer.solver import BACKENDS, MixedIntegerSettings
 from scenes.contact import Contact, contact_pose
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot

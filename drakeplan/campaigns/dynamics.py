@@ -25,10 +25,10 @@ from drakeplan.campaigns.label_walk import Label, LabelWalk, WalkOptions
 from drakeplan.campaigns.tilted_environment import GROUNDS, TiltedEnvironment, draw_environment
 from learning.transition_features import CATEGORIES, NUM_CATEGORIES
 from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
-from optimization.centroidal_options import CentroidalOptions
-from optimization.friction import DEFAULT_CONE
-from optimization.transition_dynamics import TransitionDynamics, transition_options
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.friction import DEFAULT_CONE
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot, load_robot
 

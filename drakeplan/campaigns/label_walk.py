@@ -20,9 +20,9 @@ from drakeplan.start_stance import start_stance
 from drakeplan.transition_check import TransitionCheck
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import NUM_CATEGORIES, canonicalise
-from optimization.centroidal_estimate import CentroidalEstimate
-from optimization.transition_dynamics import TransitionDynamics
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.centroidal.transition_dynamics import TransitionDynamics
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain

@@ -5,7 +5,7 @@ import pytest
 
 from drakeplan.bench.balance import CONES, CONTACTS, MU, Query, Region, _case, agreement_with_highs
 from drakeplan.bench.table import BenchOptions
-from optimization.friction import cone_generators
+from optimization.balance.friction import cone_generators
 
 
 @pytest.mark.parametrize("n", CONTACTS)

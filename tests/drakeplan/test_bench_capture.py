@@ -9,8 +9,8 @@ import pytest
 
 from drakeplan.bench import capture, capture_rose
 from drakeplan.bench.table import BenchOptions
-from optimization.capture import CaptureChecker
-from optimization.capture_sampling import CAPTURE_MOTIONS
+from optimization.capture.checker import CaptureChecker
+from optimization.capture.sampling import CAPTURE_MOTIONS
 from scenes.robots.robot import load_robot
 
 

@@ -10,8 +10,8 @@ from drakeplan.bench.centroidal import agreement, draw, gap_walk, label, sequenc
 from drakeplan.bench.interior_point import InteriorPoint
 from drakeplan.bench.random_transitions import CATEGORIES
 from drakeplan.bench.table import BenchOptions
-from optimization.centroidal import CentroidalProgram
-from optimization.transition_dynamics import TransitionDynamics, transition_options
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
 from scenes.robots.robot import load_robot
 from scenes.stance import changed_effector
 

@@ -7,7 +7,7 @@ import pytest
 
 from drakeplan.bench.crossings import DEADLINE, Crossing, can_span, cross, crossings, longest_time
 from drakeplan.timing import Timing
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import flat, wide_gap, wider_gap
 from scenes.robots.robot import load_robot
 

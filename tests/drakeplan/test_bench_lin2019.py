@@ -44,8 +44,8 @@ from drakeplan.contact_planner import ContactPlan
 from drakeplan.mixed_integer_planner import FORMULATIONS
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
 from learning.surrogate import load_surrogate
-from optimization.centroidal_estimate import CentroidalEstimate
-from optimization.centroidal_options import GRAVITY
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.centroidal.options import GRAVITY
 from scenes.contact import Contact
 from scenes.robots.robot import load_robot
 from scenes.stance import Stance

@@ -22,10 +22,10 @@ from drakeplan.bench.trial import (
     run_trial,
     trajectory_of_corners,
 )
-from optimization.centroidal import CentroidalProgram
-from optimization.centroidal_options import CentroidalOptions
-from optimization.centroidal_problem import CentroidalProblem
-from optimization.contact_schedule import ContactSchedule
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import CentroidalOptions
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
 from scenes.contact import Contact, contact_pose
 
 MASS, G = 76.0, 9.81

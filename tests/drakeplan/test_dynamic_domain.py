@@ -19,8 +19,8 @@ from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
 from drakeplan.start_stance import start_stance
 from drakeplan.transition_check import TransitionCheck
-from optimization.transition_dynamics import TransitionDynamics
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.centroidal.transition_dynamics import TransitionDynamics
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.packed_terrain import pack_terrain

@@ -15,7 +15,7 @@ from drakeplan.plan_file import write_plan
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
 from drakeplan.timing import Timing
 from drakeplan.verifier import verify
-from optimization.friction import cone_index, frame_stands_alone
+from optimization.balance.friction import cone_index, frame_stands_alone
 from scenes.contact import Contact
 from scenes.library import steep_slope
 from scenes.robots.robot import load_robot

@@ -11,9 +11,9 @@ from drakeplan.hindsight_domain import HindsightDomain
 from drakeplan.search.ana_star import Limits
 from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
 from drakeplan.timing import Timing
-from optimization.friction import cone_index, frame_stands_alone
-from optimization.tail_dynamics import TailDynamics
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.balance.friction import cone_index, frame_stands_alone
+from optimization.centroidal.window_dynamics import TailDynamics
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import slippery_slope
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start

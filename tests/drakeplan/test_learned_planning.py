@@ -17,7 +17,7 @@ from drakeplan.sequence_dynamics import sequence_dynamics
 from drakeplan.timing import Timing
 from learning.surrogate import load_surrogate
 from learning.weights import NoWeightsError
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start

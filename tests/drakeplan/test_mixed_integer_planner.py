@@ -12,7 +12,7 @@ from drakeplan.mixed_integer_planner import FORMULATIONS, MixedIntegerPlanner
 from drakeplan.plan_options import PlanOptions
 from drakeplan.planning import plan_scene
 from drakeplan.search.ana_star import Limits
-from optimization.whole_body_ik import WholeBodyIK
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
 from scenes.robots.robot import load_robot

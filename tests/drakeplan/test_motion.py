@@ -13,7 +13,7 @@ from drakeplan.bench.kinodynamic import plan_gap
 from drakeplan.dynamics import through
 from drakeplan.motion import MotionMaker, MotionOptions, MotionResult, make_motion
 from drakeplan.motion_check import velocities
-from optimization.momentum_gap import PROMISED
+from optimization.kinodynamic.momentum_gap import PROMISED
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT
 from scenes.robots.plant import RobotPlant, build_plant

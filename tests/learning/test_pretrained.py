@@ -14,7 +14,7 @@ from learning.surrogate import DynamicsSurrogate, load_surrogate
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import NUM_CATEGORIES
 from learning.weights import PRETRAINED
-from optimization.transition_dynamics import TransitionDynamics
+from optimization.centroidal.transition_dynamics import TransitionDynamics
 from scenes.contact import Contact, contact_pose
 from scenes.robots.robot import load_robot
 from scenes.stance import Stance

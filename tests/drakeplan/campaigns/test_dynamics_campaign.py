@@ -17,7 +17,7 @@ from learning.dataset import Dataset
 from learning.labelled_transitions import LabelledTransitions
 from learning.transition_features import canonicalise
 from learning.transition_labels import SCHEMA
-from optimization.transition_dynamics import TransitionDynamics, transition_options
+from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.robots.robot import load_robot

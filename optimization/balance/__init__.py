@@ -1,0 +1,1 @@
+"""Friction, contact wrenches and static equilibrium."""

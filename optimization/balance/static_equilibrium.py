@@ -1,0 +1,365 @@
+"""Static equilibrium: over which points can the centre of mass rest while these contacts hold the robot?
+
+A robot at rest needs contact wrenches that balance its weight. Each contact is a rectangular patch that transmits sums
+of four corner forces inside its friction cone, and may press with a limited normal force; no contact pulls. Contacts
+need not be coplanar, and the height of the centre of mass does not matter. The admissible points form a convex
+polygon in the plane (Bretl & Lall 2008), which is computed exactly: with a feasible basis in hand, the direction
+turns once around and every pivot walks along one edge (the shadow-vertex rule of Gass & Saaty 1955), so a polygon of
+V vertices costs little more than V pivots. `static_equilibrium_program` states the same problem for Drake.
+
+Bretl & Lall 2008: "Testing static equilibrium for legged robots", IEEE T-RO 24(4).
+Caron et al. 2015: "Stability of surface contacts for humanoid robots", ICRA.
+Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning", sec. 3.3.
+"""
+
+# An element of an integer array is an integer to a kernel, and an array to the type checker.
+# pyright: reportArgumentType=false
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from optimization.balance.friction import DEFAULT_CONE, cone_generators
+from optimization.balance.patch_simplex import (
+    ENTERS,
+    MAX_PIVOTS,
+    PIVOT,
+    WRENCH,
+    best_column,
+    find_feasible,
+    leaving_row,
+    next_column,
+    pack,
+    pivot,
+    shift_right_hand_side,
+    transform,
+    transform_moving,
+    wrench,
+)
+from scenes.contact import Contact
+from scenes.effector import EFFECTORS
+from scenes.stance import Stance, changed_effector
+
+if TYPE_CHECKING:
+    from scenes.robots.robot import Robot
+
+MAX_WALK = 2000  # pivots of one polygon; 4 contacts under the 16-gon take 100
+DISTINCT = 1e-9  # [m] vertices that stand out less than this are left out
+COARSER = 1e-5  # [m] where thinning starts once there are too many
+ROOM = 256  # vertices of a friendly polygon at most
+
+
+class ContactArrays(NamedTuple):
+    """Contacts as the compiled functions read them; the fields are their first arguments, in order.
+
+    Attributes:
+        p_WC: (n, 3) patch centres in W [m].
+        R_WC: (n, 3, 3) contact frames.
+        half: (n, 2) half extents of the patches [m].
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+        force_limit: (n,) greatest normal force of each contact [M g].
+    """
+
+    p_WC: np.ndarray
+    R_WC: np.ndarray
+    half: np.ndarray
+    generators: np.ndarray
+    force_limit: np.ndarray
+
+
+@njit(cache=True)
+def is_balanced(
+    p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray,
+    com_xy: np.ndarray,
+) -> bool:  # fmt: skip
+    """Whether a robot at rest with its centre of mass over `com_xy` can be held by these contacts.
+
+        exists  w >= 0:   sum_j w_j (f_j, p_j x f_j) = (e_z, com x e_z),    sum_{j in contact c} w_j <= limit_c
+
+    Args:
+        p_WC, R_WC, half, generators, force_limit: as in `ContactArrays`; n contacts, any number, C-ordered.
+        com_xy: (2,) [m] in W.
+
+    Returns:
+        False also when there is no contact or any number is not finite.
+    """
+    contacts, x, y, usable = pack(p_WC, R_WC, half, generators, force_limit)
+    if not usable or not np.isfinite(com_xy[0] + com_xy[1]):
+        return False
+    T, basic, w = _new_basis(WRENCH + contacts.shape[0])
+    return find_feasible(contacts, generators, force_limit, com_xy[0] - x, com_xy[1] - y, T, basic, w)
+
+
+@njit(cache=True)
+def _new_basis(m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros((m + 2, m + 2)), np.empty(m, np.int64), np.empty(m + 2)
+
+
+@njit(cache=True)
+def com_polygon(
+    p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray,
+    out: np.ndarray,
+) -> int:  # fmt: skip
+    """All points over which the centre of mass can rest, as a convex polygon.
+
+    Args:
+        p_WC, R_WC, half, generators, force_limit: as in `ContactArrays`; n contacts, any number, C-ordered.
+        out: (V, 2) receives the vertices [m] in W, counter-clockwise. Where the polygon has more than V vertices those
+            that matter least are left out, so it comes out smaller, never larger.
+
+    Returns:
+        Number of vertices: 0 nowhere (also without contacts or where a number is not finite), 1 a point, 2 a segment.
+    """
+    contacts, x, y, usable = pack(p_WC, R_WC, half, generators, force_limit)
+    if not usable or out.shape[0] == 0:
+        return 0
+    T, basic, w = _new_basis(4 + contacts.shape[0])
+    if not find_feasible(contacts, generators, force_limit, 0.0, 0.0, T, basic, w):
+        return 0
+    _drop_artificial(contacts, generators, T, basic, w)
+    _set_objectives(contacts, generators, T, basic)
+    path = np.empty((MAX_WALK, 2))
+    count = _walk_around(contacts, generators, T, basic, w, path)
+    count = _thin(path, count, out)
+    for i in range(count):
+        out[i, 0] += x
+        out[i, 1] += y
+    return count
+
+
+@njit(cache=True)
+def _drop_artificial(
+    contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray
+) -> None:
+    """Exchanges artificial columns at zero for real ones; a row that has none is redundant and stays as it is."""
+    n = contacts.shape[0]
+    y = np.zeros(WRENCH + n)
+    for i in range(4 + n):
+        if basic[i] < 4 * n * generators.shape[1] + n:
+            continue
+        chosen, size = basic[i], PIVOT
+        for sign in (1.0, -1.0):
+            for k in range(4):
+                y[k] = sign * T[i, k]
+            for k in range(n):
+                y[WRENCH + k] = sign * T[i, 4 + k]
+            j = best_column(contacts, generators, y)
+            if j >= 0:
+                transform(contacts, generators, T, w, j)
+                if abs(w[i]) > size:
+                    chosen, size = j, abs(w[i])
+        if chosen != basic[i]:
+            transform(contacts, generators, T, w, chosen)
+            pivot(T, basic, w, i, chosen)
+    shift_right_hand_side(T)
+
+
+@njit(cache=True)
+def _set_objectives(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray) -> None:
+    """Fills the objective rows with minus the multipliers of the CoM's x and y; their right-hand side is (-x, -y)."""
+    m = basic.shape[0]
+    for k in range(m + 2):
+        T[m, k], T[m + 1, k] = 0.0, 0.0
+    for i in range(m):
+        if basic[i] < 4 * contacts.shape[0] * generators.shape[1]:
+            a = wrench(contacts, generators, basic[i])
+            for k in range(m + 2):
+                T[m, k] -= a[4] * T[i, k]
+                T[m + 1, k] -= a[5] * T[i, k]
+
+
+@njit(cache=True)
+def _multipliers(T: np.ndarray, ux: float, uy: float, y: np.ndarray) -> None:
+    """Multipliers of the objective ux x + uy y over the six rows and the limits."""
+    m = T.shape[0] - 2
+    for k in range(4):
+        y[k] = ux * T[m, k] + uy * T[m + 1, k]
+    y[4], y[5] = ux, uy
+    for k in range(4, m):
+        y[WRENCH + k - 4] = ux * T[m, k] + uy * T[m + 1, k]
+
+
+@njit(cache=True)
+def _walk_around(
+    contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray, path: np.ndarray
+) -> int:
+    """Writes the vertices met while the direction u turns once to the left, and returns how many.
+
+    u starts at an optimum. The column of the next edge enters; its reduced costs (rx, ry) are that edge's direction, so
+    u becomes (ry, -rx), the edge's outward normal. No column is ever free to grow without end, because normal forces
+    are limited; should rounding say so, or the walk outgrow `path`, it stops with the part of the polygon it has seen.
+    """
+    m = basic.shape[0]
+    y, z = np.empty(WRENCH + m - 4), np.empty(WRENCH + m - 4)
+    ux, uy = 0.8, 0.6
+    for _ in range(MAX_PIVOTS):
+        _multipliers(T, ux, uy, y)
+        j = best_column(contacts, generators, y)
+        if j < 0:
+            break
+        transform_moving(contacts, generators, T, w, j)
+        row = leaving_row(T, w)
+        if row < 0:
+            break
+        pivot(T, basic, w, row, j)
+    path[0, 0], path[0, 1] = -T[m, m], -T[m + 1, m]
+    count, turned = 1, 0.0
+    while count < path.shape[0]:
+        _multipliers(T, ux, uy, y)
+        _multipliers(T, -uy, ux, z)
+        j = next_column(contacts, generators, y, z)
+        vx, vy = -uy, ux
+        if j >= 0:
+            transform_moving(contacts, generators, T, w, j)
+            length = np.sqrt(w[m] * w[m] + w[m + 1] * w[m + 1])
+            vx, vy = w[m + 1] / length, -w[m] / length
+        turned += max(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy), 0.0)
+        if turned > 2 * np.pi - ENTERS:
+            return count
+        ux, uy = vx, vy
+        if j >= 0:
+            row = leaving_row(T, w)
+            if row < 0:
+                return count
+            pivot(T, basic, w, row, j)
+            path[count, 0], path[count, 1] = -T[m, m], -T[m + 1, m]
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _thin(path: np.ndarray, count: int, out: np.ndarray) -> int:
+    """Copies a convex path into `out` without repetitions and points on edges, coarser until it fits."""
+    slack, kept = DISTINCT, 0
+    while count > 0:
+        kept, last, fits = 1, 0, True
+        out[0, 0], out[0, 1] = path[0, 0], path[0, 1]
+        for i in range(1, count):
+            after = i + 1 if i + 1 < count else 0
+            if not _stands_out(path, last + 1, i, last, after, slack):
+                continue
+            if kept == out.shape[0]:
+                fits = False
+                break
+            out[kept, 0], out[kept, 1] = path[i, 0], path[i, 1]
+            kept, last = kept + 1, i
+        if fits:
+            break
+        slack = max(1.5 * slack, COARSER)
+    if kept > 2 and _distance(out[0, 0], out[0, 1], out, kept - 1, 1) <= DISTINCT:
+        kept -= 1
+        for i in range(kept):
+            out[i, 0], out[i, 1] = out[i + 1, 0], out[i + 1, 1]
+    return kept
+
+
+@njit(cache=True)
+def _stands_out(path: np.ndarray, first: int, last: int, a: int, b: int, slack: float) -> bool:
+    """Whether replacing path[first] to path[last] by the segment path[a] path[b] would cost more than `slack`."""
+    for i in range(first, last + 1):  # noqa: SIM110 (compiled: no generators)
+        if _distance(path[i, 0], path[i, 1], path, a, b) > slack:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _distance(x: float, y: float, points: np.ndarray, a: int, b: int) -> float:
+    """Distance of (x, y) from the segment points[a] points[b] in the plane [m]."""
+    ex, ey = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    px, py = x - points[a, 0], y - points[a, 1]
+    length2 = ex * ex + ey * ey
+    t = min(max((px * ex + py * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+    return np.sqrt((px - t * ex) ** 2 + (py - t * ey) ** 2)
+
+
+@njit(cache=True)
+def polygon_margin(polygon: np.ndarray, count: int, x: float, y: float) -> float:
+    """Signed distance of a point from a convex polygon's boundary [m]: positive inside, not positive outside.
+
+    Args:
+        polygon: (V, 2) counter-clockwise vertices; the first `count` are real. A point (1) or a segment (2) has no
+            inside; no polygon at all (0) is infinitely far.
+    """
+    nearest, inside = np.inf, count > 2
+    for a in range(count):
+        b = a + 1 if a + 1 < count else 0
+        nearest = min(nearest, _distance(x, y, polygon, a, b))
+        ex, ey = polygon[b, 0] - polygon[a, 0], polygon[b, 1] - polygon[a, 1]
+        inside = inside and ex * (y - polygon[a, 1]) - ey * (x - polygon[a, 0]) >= 0.0
+    return nearest if inside else -nearest
+
+
+def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> ContactArrays:
+    """The arrays of some of a robot's contacts: patches and force limits from the robot, friction from the contacts.
+
+    Raises:
+        InputError: no friction cone has this name.
+    """
+    index = [EFFECTORS.index(c.effector) for c in contacts]
+    num_g = len(cone_generators(cone, 0.0))
+    return ContactArrays(
+        p_WC=np.array([c.p_WC for c in contacts], float).reshape(-1, 3),
+        R_WC=np.array([c.R_WC for c in contacts], float).reshape(-1, 3, 3),
+        half=np.array([robot.effectors[i].half_extent for i in index], float).reshape(-1, 2),
+        generators=np.array([cone_generators(cone, c.friction) for c in contacts], float).reshape(-1, num_g, 3),
+        force_limit=np.array([robot.force_limit[i] for i in index], float),
+    )
+
+
+def balance_region(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> np.ndarray:
+    """All points over which the robot's centre of mass can rest while exactly these contacts carry it.
+
+    Args:
+        contacts: held at once, at most one per end effector.
+        robot: gives patch sizes and force limits.
+        cone: one of `optimization.balance.friction.CONES`.
+
+    Returns:
+        (V, 2) vertices [m] in W, counter-clockwise; V = 0 nowhere, 1 a point, 2 a segment.
+
+    Raises:
+        InputError: no friction cone has this name.
+    """
+    out = np.empty((ROOM, 2))
+    return out[: com_polygon(*contact_arrays(contacts, robot, cone), out)].copy()
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalConfiguration:
+    """A moment of a transition at which balance is hardest: the moving end effector touches and carries nothing.
+
+    Attributes:
+        support: the contacts that carry the robot.
+        touching: where the moving end effector is, None where it is free.
+        region: (V, 2) where the centre of mass may be [m] in W, counter-clockwise; V = 0 when the support cannot hold.
+    """
+
+    support: tuple[Contact, ...]
+    touching: Contact | None
+    region: np.ndarray
+
+
+def transition_regions(
+    before: Stance, after: Stance, robot: Robot, cone: str = DEFAULT_CONE
+) -> tuple[CriticalConfiguration, CriticalConfiguration]:
+    """The two critical configurations of a transition (Lin 2020, sec. 3.3).
+
+    In the first the moving end effector has just broken contact, in the second it is about to make contact. The
+    contacts that both stances share carry both, so the regions are equal; what differs is where the moving end effector
+    must be, and so where the rest of the robot can be.
+
+    Raises:
+        ValueError: the stances do not differ in exactly one end effector.
+        InputError: no friction cone has this name.
+    """
+    moving = changed_effector(before, after)
+    support = before.replace(moving, None).held
+    region = balance_region(support, robot, cone)
+    region.setflags(write=False)
+    first = CriticalConfiguration(support, before.contacts[moving], region)
+    return first, CriticalConfiguration(support, after.contacts[moving], region)

@@ -1,0 +1,1 @@
+"""Centroidal dynamics: one program over many contacts."""

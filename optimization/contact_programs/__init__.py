@@ -1,0 +1,1 @@
+"""Contact sequences as mixed-integer programs and graphs of convex sets."""

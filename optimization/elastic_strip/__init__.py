@@ -1,0 +1,1 @@
+"""A motion deformed until its contacts lie in given regions."""

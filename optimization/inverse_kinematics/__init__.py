@@ -1,0 +1,1 @@
+"""Whole-body postures that hold contacts."""

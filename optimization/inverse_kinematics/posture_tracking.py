@@ -1,0 +1,135 @@
+"""Configurations that hold contacts, follow a CoM and otherwise stay near a reference posture, frame by frame.
+
+Each frame minimises over q
+
+    sum_e w_e^2 |p_e - p_e*|^2 + u_e^2 |angle(R_e, R_e*)|^2     end effectors: held (w large), swinging, free (w = 0)
+    + |W_com (com - com*)|^2                                    centre of mass
+    + |W_q (q - q_ref)|^2                                       posture, base orientation included
+    + sum_r w_r^2 max(0, d_r* - d_r)^2                          pairs of bodies that must keep a distance
+    s.t.   joint limits
+
+by Gauss-Newton with the bounds kept in every step (`box_qp`). The optimum does not depend on the frames before it, only
+on q_ref, so a motion neither drifts nor jerks where targets and q_ref are smooth: weighted inverse kinematics (Nakamura
+1991, ch. 4) solved to convergence in each frame instead of one velocity step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from optimization.convex.box_qp import solve_box_qp
+from optimization.inverse_kinematics.frame_task import (
+    FrameErrors,
+    FrameTask,
+    TrackingTargets,
+    frame_tasks,
+    normal_equations,
+    task_of_frame,
+)
+from optimization.multibody.kinematic_tree import KinematicTree, difference, forward, integrate
+
+STEP = 0.4  # [rad, m] greatest change of any unknown in one Gauss-Newton step
+CONVERGED = 2e-5  # [rad, m] a step this small ends a frame
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPostures:
+    """Answer of `track_postures`.
+
+    Attributes:
+        q: (T, nq).
+        effector_error: (T, E) distance of each weighted end effector from its target, an angle counting `LEVER` [m].
+        com_error: (T, 3) com - com* [m].
+        iterations: (T,) Gauss-Newton steps.
+    """
+
+    q: np.ndarray
+    effector_error: np.ndarray
+    com_error: np.ndarray
+    iterations: np.ndarray
+
+
+def track_postures(
+    tree: KinematicTree,
+    targets: TrackingTargets,
+    q: np.ndarray,
+    *,
+    solve: np.ndarray | None = None,
+    chained: bool = True,
+    max_iterations: int = 10,
+) -> TrackedPostures:
+    """Solves every frame.
+
+    Args:
+        tree: the robot.
+        q: (T, nq) guesses; only the first is used where `chained`.
+        solve: (T,) bool, frames to solve; the others keep q and are only judged. None solves all.
+        chained: whether a frame that is solved starts from the one before it, moved as q_ref moves.
+        max_iterations: of Gauss-Newton, a frame.
+    """
+    q = np.array(q, dtype=float)
+    T, E = targets.place_weight.shape
+    answer = TrackedPostures(q, np.zeros((T, E)), np.zeros((T, 3)), np.zeros(T, np.int64))
+    all_frames = frame_tasks(targets)
+    chosen = np.ones(T, np.bool_) if solve is None else np.asarray(solve, dtype=np.bool_)
+    _track(
+        tree, all_frames, chosen, chained, max_iterations, q, answer.effector_error, answer.com_error, answer.iterations
+    )
+    return answer
+
+
+@njit(cache=True)
+def _solve_frame(tree: KinematicTree, frame: FrameTask, q: np.ndarray, max_iterations: int, errors: FrameErrors) -> int:
+    """Gauss-Newton from q, in place; returns the steps taken. Errors are those before the last, converged step."""
+    nv, n = frame.posture_weight.shape[0], tree.parent.shape[0]
+    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
+    m = nv + frame.last - frame.first  # a slack for each distance
+    H, g, dv = np.empty((m, m)), np.empty(m), np.zeros(m)
+    low, high, side = np.zeros(m), np.full(m, np.inf), np.zeros(m, np.int64)
+    for it in range(max_iterations + 1):
+        forward(tree, q, R, p)
+        normal_equations(tree, frame, R, p, q, H, g, errors)
+        if it == max_iterations:
+            return it
+        for i in range(nv):
+            low[i], high[i] = -STEP, STEP
+            if i >= 6:
+                low[i] = min(max(low[i], frame.lower[i - 6] - q[i + 1]), STEP)
+                high[i] = max(min(high[i], frame.upper[i - 6] - q[i + 1]), low[i])
+        if solve_box_qp(H, g, low, high, m, side, dv, 80) < 0:
+            side[:] = 0
+        integrate(q, dv, 1.0, q)
+        biggest = 0.0
+        for i in range(nv):
+            biggest = max(biggest, abs(dv[i]))
+        _clamp(q, frame.lower, frame.upper)
+        if biggest < CONVERGED:
+            return it + 1
+    return max_iterations
+
+
+@njit(cache=True)
+def _clamp(q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    """Puts the joints of q within their limits."""
+    for i in range(lower.shape[0]):
+        q[7 + i] = min(max(q[7 + i], lower[i]), upper[i])
+
+
+@njit(cache=True)
+def _track(
+    tree: KinematicTree, frames: FrameTask, solve: np.ndarray, chained: bool, max_iterations: int, q: np.ndarray,
+    effector_error: np.ndarray, com_error: np.ndarray, iterations: np.ndarray,
+) -> None:  # fmt: skip
+    """All frames; the fields of `frames` have one more dimension in front, but for the weights and limits of joints."""
+    ahead = np.empty(frames.posture_weight.shape[0])
+    for t in range(q.shape[0]):
+        if solve[t] and chained and t > 0:
+            difference(frames.q_ref[t - 1], frames.q_ref[t], ahead)
+            integrate(q[t - 1], ahead, 1.0, q[t])
+            _clamp(q[t], frames.lower, frames.upper)
+        frame = task_of_frame(frames, t)
+        errors = FrameErrors(effector_error[t], com_error[t])
+        iterations[t] = _solve_frame(tree, frame, q[t], max_iterations if solve[t] else 0, errors)

@@ -1,0 +1,1 @@
+"""Momenta and a whole-body motion that agree."""

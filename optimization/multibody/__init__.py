@@ -1,0 +1,1 @@
+"""Kinematics, inverse dynamics and the shape of a robot in compiled code."""

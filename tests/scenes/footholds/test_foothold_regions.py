@@ -1,0 +1,98 @@
+"""Regions against the projection that the search uses, which shares no code with them."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from optimization.balance.friction import stands_alone
+from scenes.files.scene_source import load_scene
+from scenes.footholds.foothold_regions import MARGIN, FootholdRegion, disc_region, foothold_regions, support
+from scenes.footholds.projection import FOOT_CLEARANCE, patch_fits
+from scenes.robots.robot import load_robot
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
+
+ESCHER = load_robot("escher")
+HEADINGS = [(0.0, 0.0), (-0.25, 0.25), (0.4, 0.9)]
+
+
+def square(size: float, z: float = 0.0, name: str = "floor") -> Surface:
+    h = size / 2
+    return Surface(name, np.array([[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]]))
+
+
+def points_of(region: FootholdRegion, rng: np.random.Generator, count: int) -> np.ndarray:
+    weights = rng.dirichlet(np.ones(len(region.vertices)), count)
+    return np.vstack([region.vertices, weights @ region.vertices])
+
+
+@pytest.mark.parametrize("name", ["rubble_field", "stairs", "random_surfaces"])
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_a_sole_fits_at_every_point_and_heading_of_a_region(name: str, heading: tuple[float, float]) -> None:
+    terrain = load_scene(name, seed=3).terrain
+    packed = pack_terrain(terrain)
+    rng = np.random.default_rng(0)
+    regions = foothold_regions(terrain, ESCHER, 0, heading)
+    assert regions
+    around = np.arange(len(packed.count))
+    work = np.empty((2, packed.vertices.shape[1] + 8, 3))
+    spec = ESCHER.effectors[0]
+    for region in regions:
+        for p in points_of(region, rng, 4):
+            contact = region.contact(p, rng.uniform(*heading))
+            assert patch_fits(packed, region.surface, contact.p_WC.copy(), contact.R_WC.copy(), *spec.half_extent,
+                              *spec.overhang, FOOT_CLEARANCE, around, work)  # fmt: skip
+
+
+def test_the_region_of_a_level_square_is_the_square_less_the_sole() -> None:
+    (region,) = foothold_regions(Terrain((square(1.0),)), ESCHER, 0, (0.0, 0.0))
+    hx, hy = ESCHER.effectors[0].half_extent
+    expected = np.array([0.5 - hx - MARGIN, 0.5 - hy - MARGIN, 0.0])
+    np.testing.assert_allclose(region.vertices.max(axis=0), expected, atol=1e-12)
+    np.testing.assert_allclose(region.vertices.min(axis=0), -expected, atol=1e-12)
+
+
+def test_a_square_smaller_than_the_sole_has_no_region() -> None:
+    assert not foothold_regions(Terrain((square(0.2),)), ESCHER, 0, (0.0, 0.0))
+
+
+def test_a_block_on_the_floor_splits_the_floor_into_regions_around_it() -> None:
+    regions = foothold_regions(Terrain((square(2.0), square(0.2, 0.05, "block"))), ESCHER, 0, (0.0, 0.0))
+    floor = [r for r in regions if r.surface == 0]
+    assert len(floor) > 1
+    assert all((r.A @ np.zeros(3) > r.b).any() for r in floor)  # the middle, under the block, is in none
+
+
+def test_steep_surfaces_are_left_out_where_a_foot_must_stand_alone() -> None:
+    c, s = np.cos(0.6), np.sin(0.6)  # 34 deg, and friction 0.5
+    slope = Surface("slope", np.array([[0, -1, 0], [2 * c, -1, 2 * s], [2 * c, 1, 2 * s], [0, 1, 0]]), 0.5)
+    terrain = Terrain((slope,))
+    assert foothold_regions(terrain, ESCHER, 0, (0.0, 0.0))
+    assert not foothold_regions(terrain, ESCHER, 0, (0.0, 0.0), holds=partial(stands_alone, "inner"))
+
+
+def test_the_support_of_a_turning_rectangle_is_the_most_that_its_corners_reach() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        half = tuple(rng.uniform(0.02, 0.2, 2))
+        low = rng.uniform(-np.pi, np.pi)
+        high, direction = low + rng.uniform(0.0, 1.5), rng.uniform(-np.pi, np.pi)
+        turns = np.linspace(low, high, 4001)
+        signs = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+        x, y = half[0] * signs[:, :1], half[1] * signs[:, 1:]
+        corners = np.cos(turns - direction) * x - np.sin(turns - direction) * y
+        assert support(half, low, high, direction) == pytest.approx(corners.max(), abs=1e-6)
+
+
+def test_the_disc_region_holds_every_point_that_takes_a_sole_at_any_heading() -> None:
+    rng = np.random.default_rng(2)
+    terrain = load_scene("rubble_field", seed=1).terrain
+    for number, surface in enumerate(terrain.surfaces):
+        disc = disc_region(surface, number, 0, min(ESCHER.effectors[0].half_extent) - MARGIN)
+        for yaw in rng.uniform(-np.pi, np.pi, 3):
+            for region in foothold_regions(Terrain((surface,)), ESCHER, 0, (yaw, yaw)):
+                assert (disc.b[:, None] + 1e-9 >= disc.A @ points_of(region, rng, 5).T).all()
