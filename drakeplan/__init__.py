@@ -17,12 +17,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from drakeplan.deformation import DeformOptions, DeformResult, deform
-    from drakeplan.plan import Plan
-    from drakeplan.plan_file import inspect_plan, read_plan, write_plan
-    from drakeplan.plan_options import PlanOptions
-    from drakeplan.planning import PlanResult, plan_scene
+    from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
+    from drakeplan.plan.plan import Plan
+    from drakeplan.plan.plan_file import inspect_plan, read_plan, write_plan
     from drakeplan.playback import show_plan, write_page
+    from drakeplan.query.options import PlanOptions
+    from drakeplan.query.planning import PlanResult, plan_scene
     from drakeplan.verifier import Report, verify
     from scenes.files.scene_source import list_scenes, load_scene
     from scenes.input_error import InputError
@@ -60,11 +60,11 @@ __all__ = [
 ]
 
 _HOMES = {
-    "drakeplan.deformation": ("DeformOptions", "DeformResult", "deform"),
-    "drakeplan.plan": ("Plan",),
-    "drakeplan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
-    "drakeplan.plan_options": ("PlanOptions",),
-    "drakeplan.planning": ("PlanResult", "plan_scene"),
+    "drakeplan.experience.deformation": ("DeformOptions", "DeformResult", "deform"),
+    "drakeplan.plan.plan": ("Plan",),
+    "drakeplan.plan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
+    "drakeplan.query.options": ("PlanOptions",),
+    "drakeplan.query.planning": ("PlanResult", "plan_scene"),
     "drakeplan.playback": ("show_plan", "write_page"),
     "drakeplan.verifier": ("Report", "verify"),
     "scenes.input_error": ("InputError",),

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drakeplan.bench import differential_dynamic, interior_point
-from drakeplan.bench.interior_point import InteriorPoint
+from drakeplan.bench.peers import differential_dynamic, interior_point
+from drakeplan.bench.peers.interior_point import InteriorPoint
 from drakeplan.bench.random_transitions import CATEGORIES, RandomTransition, random_transition
 from drakeplan.bench.table import BenchOptions, BenchTable
 from optimization.centroidal.contact_schedule import ContactSchedule

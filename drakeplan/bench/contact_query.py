@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drakeplan.bench.robustness import COLUMNS, robustness_sums
-from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
 from drakeplan.search.ana_star import Limits
-from drakeplan.sequence_dynamics import sequence_dynamics, sequence_problem
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot

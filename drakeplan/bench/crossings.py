@@ -16,16 +16,16 @@ from pathlib import Path
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planner import ContactPlan, ContactPlanner, ContactPlannerOptions, DynamicsName
-from drakeplan.dynamics import Guide
-from drakeplan.motion import MotionMaker, MotionOptions
-from drakeplan.plan_assembly import assemble_plan
-from drakeplan.plan_file import write_plan
+from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlanner, ContactPlannerOptions, DynamicsName
+from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
+from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.motion.assembly import assemble_plan
+from drakeplan.motion.course_dynamics import Guide
+from drakeplan.motion.maker import MotionMaker, MotionOptions
+from drakeplan.plan.plan_file import write_plan
 from drakeplan.search.ana_star import Limits
-from drakeplan.sequence_dynamics import sequence_dynamics
-from drakeplan.timing import Timing
+from drakeplan.timing.step_timing import Timing
 from drakeplan.verifier import verify
-from drakeplan.warm_up import warm_up
 from optimization.balance.static_equilibrium import balance_region
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import GRAVITY

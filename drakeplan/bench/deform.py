@@ -16,10 +16,10 @@ import numpy as np
 
 from drakeplan.bench.kept_cases import Case, KeptCases
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.deformation import DeformOptions, DeformResult, deform
-from drakeplan.plan import Plan
-from drakeplan.plan_options import PlanOptions
-from drakeplan.planning import plan_scene
+from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
+from drakeplan.plan.plan import Plan
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene

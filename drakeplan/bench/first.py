@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
-from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.search.ana_star import Limits
-from drakeplan.warm_up import warm_up
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import load_robot

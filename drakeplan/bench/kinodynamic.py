@@ -11,10 +11,10 @@ import time
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.motion import MotionMaker, MotionOptions, MotionResult
-from drakeplan.plan import Plan
-from drakeplan.planning import PlanOptions, plan_scene
-from drakeplan.warm_up import warm_up
+from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
+from drakeplan.plan.plan import Plan
+from drakeplan.query.planning import PlanOptions, plan_scene
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.momentum_gap import PROMISED, Gap, MomentumGap
 from scenes.contact import Contact

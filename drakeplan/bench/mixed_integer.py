@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.start_stance import check_goal, start_stance
+from drakeplan.contact_planning.start_stance import check_goal, start_stance
 from optimization.contact_programs.contact_momentum_program import ContactDynamicsProgram
 from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.contact_programs.convex_set_graph import ConvexSetGraph

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drakeplan.bench.momentumopt_case import Variant, read_case
+from drakeplan.bench.peers.momentumopt_case import Variant, read_case
 from drakeplan.bench.table import BenchOptions, BenchTable
 from optimization.centroidal.timing import TimingOptions, optimise_timing
 from optimization.centroidal.trajectory import CentroidalTrajectory

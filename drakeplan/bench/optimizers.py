@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drakeplan.bench import interior_point
 from drakeplan.bench.centroidal import gap_walk, sequence_options, sequence_problem, slope_walk
+from drakeplan.bench.peers import interior_point
 from drakeplan.bench.random_transitions import random_transition
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
 from drakeplan.bench.trial import Method, Trial, exact_hessian, free_timing, ours, run_trial

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planner import ContactPlanner
-from drakeplan.plan_options import PLANNERS, PlanOptions
-from drakeplan.planning import PlanResult, plan_scene
-from drakeplan.warm_up import warm_up
+from drakeplan.contact_planning.search_planner import ContactPlanner
+from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.query.options import PLANNERS, PlanOptions
+from drakeplan.query.planning import PlanResult, plan_scene
 from optimization.contact_programs.length_bound import LengthBound, length_lower_bound
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import NAMED_SCENES

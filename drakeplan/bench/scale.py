@@ -7,9 +7,9 @@ import time
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.search.ana_star import Limits
-from drakeplan.warm_up import warm_up
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library.rubble_field import long, wide
 from scenes.robots.robot import Robot, load_robot

@@ -13,9 +13,9 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from drakeplan.bench.onnx_model import onnx_model
+from drakeplan.bench.peers.onnx_model import onnx_model
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from learning.network import Mlp, SharedNetwork
 from learning.palm_networks import PalmNetworks

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drakeplan.whole_file import write_whole
+from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 
 PACKAGES = ("drakeplan", "drake", "numpy", "numba", "scipy", "piqp", "hpp-centroidal-dynamics", "hpp-environments")

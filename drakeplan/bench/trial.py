@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drakeplan.bench import interior_point
+from drakeplan.bench.peers import interior_point
 from optimization.balance.contact_wrench import CornerForces
 from optimization.centroidal.check import violations
 from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions

@@ -11,11 +11,11 @@ import numpy as np
 from drakeplan.bench.deform import moved_scene
 from drakeplan.bench.table import BenchOptions
 from drakeplan.bench.trial import newton_euler, peak_memory
-from drakeplan.deformation import DeformOptions, deform
-from drakeplan.free_timing import effort, planned_schedule
-from drakeplan.mixed_integer_planner import MixedIntegerPlanner
-from drakeplan.planning import PlanOptions, plan_scene
-from drakeplan.timing import Timing
+from drakeplan.contact_planning.program_planner import MixedIntegerPlanner
+from drakeplan.experience.deformation import DeformOptions, deform
+from drakeplan.motion.free_timing import effort, planned_schedule
+from drakeplan.query.planning import PlanOptions, plan_scene
+from drakeplan.timing.step_timing import Timing
 from optimization.centroidal.check import violations
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import CentroidalOptions

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from drakeplan.campaigns.campaign import Campaign
 from drakeplan.campaigns.label_folder import CARD_FILE, LabelFolder
-from drakeplan.whole_file import write_whole
+from scenes.files.whole_file import write_whole
 
 FLOORS = ("scenes", "optimization", "learning", "drakeplan")
 LIBRARIES = ("drake", "numpy", "scipy", "numba", "piqp", "pyarrow")

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from drakeplan.whole_file import write_whole
 from learning.shard_file import (
     FORMAT,
     FORMAT_VERSION,
@@ -22,6 +21,7 @@ from learning.shard_file import (
     shard_name,
     shard_paths,
 )
+from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 
 CAMPAIGN_FILE, CARD_FILE, SESSIONS_FILE, LOCK_FILE = "campaign.json", "card.json", "sessions.jsonl", ".lock"

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drakeplan.campaigns.tilted_environment import TiltedEnvironment
-from drakeplan.contact_domain import ContactDomain, PlannerWeights
-from drakeplan.contact_pool import ContactPool, Held
-from drakeplan.dynamics_evaluator import stance_of
-from drakeplan.start_stance import start_stance
-from drakeplan.transition_check import TransitionCheck
+from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights
+from drakeplan.contact_planning.contact_pool import ContactPool, Held
+from drakeplan.contact_planning.dynamics_evaluator import stance_of
+from drakeplan.contact_planning.start_stance import start_stance
+from drakeplan.contact_planning.transition_check import TransitionCheck
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import NUM_CATEGORIES, canonicalise
 from optimization.centroidal.estimate import CentroidalEstimate

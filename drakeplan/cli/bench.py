@@ -82,7 +82,7 @@ def run(arguments: Arguments) -> int:
 def _check_outputs(page: Path | None, database: Path) -> None:
     """Refuses, before hours of measuring, what the results cannot be written to."""
     from drakeplan.bench.table import open_database, read_page
-    from drakeplan.whole_file import require_writable
+    from scenes.files.whole_file import require_writable
 
     if page is not None:
         require_writable(page)

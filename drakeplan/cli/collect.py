@@ -88,7 +88,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _check(arguments: Arguments) -> None:
-    from drakeplan.plan_options import MOST_FRICTION
+    from drakeplan.query.options import MOST_FRICTION
 
     if arguments.campaign not in CAMPAIGNS:
         raise unknown_name("campaign", arguments.campaign, CAMPAIGNS)

@@ -20,8 +20,8 @@ import tyro
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
-    from drakeplan.plan_options import PlanOptions
-    from drakeplan.planning import PlanResult
+    from drakeplan.query.options import PlanOptions
+    from drakeplan.query.planning import PlanResult
     from scenes.scene import Scene
 
 ABOUT = """Plans how a robot crosses a scene with its feet and palms, and has the plan verified.
@@ -102,7 +102,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Plans, writes, tells; see the exit status in `ABOUT`."""
     _check_arguments(arguments)
-    from drakeplan.plan_file import require_writable
+    from drakeplan.plan.plan_file import require_writable
 
     outputs = [path for path in (arguments.out, arguments.html) if path is not None]
     for path in outputs:
@@ -117,8 +117,8 @@ def run(arguments: Arguments) -> int:
         print(f"note: {note}", file=sys.stderr)
     robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT)
     _require_ends(arguments, scene)
-    from drakeplan.planning import plan_scene
     from drakeplan.progress import ProgressPrinter
+    from drakeplan.query.planning import plan_scene
 
     with _interruptible() as interrupted:
         options = _options(arguments, interrupted)
@@ -176,8 +176,8 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
 
 
 def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
-    from drakeplan.plan_options import PlanOptions, check_options
-    from drakeplan.timing import Timing
+    from drakeplan.query.options import PlanOptions, check_options
+    from drakeplan.timing.step_timing import Timing
 
     options = PlanOptions(
         seed=arguments.seed,
@@ -213,7 +213,7 @@ def _write(arguments: Arguments, result: PlanResult) -> dict[str, str]:
     if result.plan is None or (result.status != "complete" and not arguments.keep_partial):
         return files
     if arguments.out is not None:
-        from drakeplan.plan_file import write_plan
+        from drakeplan.plan.plan_file import write_plan
 
         write_plan(result.plan, arguments.out)
         files["plan"] = arguments.out

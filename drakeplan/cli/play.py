@@ -41,7 +41,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Writes the page, serves the plan, or both."""
     from drakeplan.cli.output import print_json
-    from drakeplan.plan_file import read_plan, require_writable
+    from drakeplan.plan.plan_file import read_plan, require_writable
 
     if arguments.port is not None and not PORTS[0] <= arguments.port <= PORTS[1]:
         raise InputError(f"--port: expected {PORTS[0]} to {PORTS[1]}, got {arguments.port}")

@@ -72,7 +72,7 @@ def _list(arguments: Arguments) -> int:
 
 def _show(arguments: Arguments) -> int:
     if arguments.html is not None:
-        from drakeplan.plan_file import require_writable
+        from drakeplan.plan.plan_file import require_writable
 
         require_writable(arguments.html)
     scene = _load(arguments)
@@ -93,7 +93,7 @@ def _show(arguments: Arguments) -> int:
 
 
 def _export(arguments: Arguments) -> int:
-    from drakeplan.plan_file import require_writable
+    from drakeplan.plan.plan_file import require_writable
     from scenes.files.scene_file import write_scene
 
     require_writable(arguments.file)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
-from drakeplan.plan import Plan
+from drakeplan.plan.plan import Plan
 from drakeplan.playback.animation import animate
 from drakeplan.playback.page import finished_page, finished_scene_page
 from drakeplan.playback.still import draw_scene, draw_still, light_and_look

@@ -26,7 +26,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from drakeplan.plan import Plan, PlanCentroidal
+from drakeplan.plan.plan import Plan, PlanCentroidal
 from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
 from drakeplan.playback.still import COM_COLOUR, ROOT
 from scenes.robots.robot import Robot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from drakeplan.plan import Plan
+from drakeplan.plan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
 from drakeplan.playback.pushes import PUSH_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR, PREDICTED_COLOUR, predicted_com

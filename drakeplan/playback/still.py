@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drakeplan.plan import Plan
+from drakeplan.plan.plan import Plan
 from drakeplan.playback import terrain_mesh
 from drakeplan.playback.pushes import draw_pushes
 from drakeplan.playback.view import FIELD_OF_VIEW, View

@@ -24,7 +24,7 @@ from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 from scenes.transition_model import TransitionModel, transition_model
 
-SAME_CONTACT = 0.02  # [m] contacts nearer than this along every axis may count as one (`drakeplan.contact_pool.CELL`)
+SAME_CONTACT = 0.02  # [m] contacts nearer than this along every axis may count as one (`drakeplan.contact_planning.contact_pool.CELL`)
 TOLERANCE = 1e-4  # relative: what the interior-point method may lack of the relaxation's optimum
 SPARE_STEPS = 4  # layers beyond what the straight line needs
 TALLEST = 1.5  # times the greatest height between the feet: by how much a foot may rise in one step

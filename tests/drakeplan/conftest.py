@@ -19,7 +19,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from drakeplan.plan import Plan, PlanCentroidal, PlanContacts, PlanMotion, PlanPhases, tabulate_stances
+from drakeplan.plan.plan import Plan, PlanCentroidal, PlanContacts, PlanMotion, PlanPhases, tabulate_stances
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT, RIGHT_PALM
 from scenes.files.scene_file import scene_to_yaml

@@ -17,9 +17,9 @@ from pathlib import Path
 import llvmlite.binding
 import numpy as np
 
-from drakeplan.plan import Plan
-from drakeplan.plan_options import PlanOptions
-from drakeplan.planning import plan_scene
+from drakeplan.plan.plan import Plan
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import load_robot
 

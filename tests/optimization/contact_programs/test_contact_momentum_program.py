@@ -13,8 +13,9 @@ from optimization.contact_programs.contact_momentum_program import (
     ContactDynamicsProgram,
 )
 from optimization.contact_programs.contact_query import ContactQuery, FootstepOptions
-from optimization.contact_programs.footstep_program import FootstepProgram, scip_adapter
+from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.contact_programs.step_reach import step_reach
+from optimization.mixed_integer import scip_adapter
 from optimization.mixed_integer.dive import dive
 from optimization.mixed_integer.solver import MixedIntegerSettings, solve_mixed_integer
 from scenes.files.scene_source import load_scene

@@ -10,8 +10,9 @@ import pytest
 
 from optimization.contact_programs.contact_query import ContactQuery, FootstepOptions
 from optimization.contact_programs.convex_set_graph import ConvexSetGraph
-from optimization.contact_programs.footstep_program import FootstepProgram, scip_adapter
+from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.contact_programs.step_reach import step_reach
+from optimization.mixed_integer import scip_adapter
 from optimization.mixed_integer.solver import MixedIntegerSettings
 from scenes.files.scene_source import load_scene
 from scenes.footholds.projection import set_down

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drakeplan.contact_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.search.ana_star import Limits
 from optimization.contact_programs.length_bound import length_lower_bound
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK

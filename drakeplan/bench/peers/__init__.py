@@ -1,0 +1,1 @@
+"""Other solvers and libraries that drakeplan is measured against."""

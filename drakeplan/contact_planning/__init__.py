@@ -1,0 +1,1 @@
+"""Who finds contacts, and what a contact transition must satisfy."""

@@ -1,0 +1,310 @@
+"""Contact planning as a search problem: the one place that is both a search `Domain` and about robots (Lin 2020 ch. III).
+
+A state is five integers: the contact numbers of left foot, right foot, left palm, right palm (-1: free), and the end
+effector that moved last, which may not move again at once. An action moves a foot, or makes, moves or breaks a palm.
+
+    edge cost  (3.2)   d_e + w_theta d_theta + w_s       translation of the mover, turn of the feet's mean, one step
+    heuristic  (6.7)   D (2 + 2 w_s / d_max)             D: torso box on the SE(2) grid, for the mean of the feet
+               (3.3)   the same with D the straight line
+               admissible: feet only, straight line less the goal radius (a foot's translation moves the mean by half)
+
+What a move's own data decide (where the foot fits, whether legs reach, whether the torso is free) is cached by contact.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from drakeplan.contact_planning.contact_pool import ContactPool
+from drakeplan.contact_planning.torso_grid import TorsoGrid
+
+if TYPE_CHECKING:
+    from drakeplan.contact_planning.transition_check import TransitionCheck
+from scenes.footholds.projection import boxes_are_free, project_feet, project_palms
+from scenes.robots.robot import Robot
+from scenes.scene import Goal
+from scenes.terrain.packed_terrain import PackedTerrain
+from scenes.transition_model import TransitionModel
+
+State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover
+HeuristicName = Literal["grid", "euclidean", "admissible"]
+GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
+BLAMED_OUT = 2  # times that contacts near a place are blamed for a motion's failure before it is not used again
+SPOILED_RADIUS = 0.08  # [m]
+LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
+ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
+TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
+
+
+@dataclass(frozen=True)
+class PlannerWeights:
+    """Weights of the edge cost (3.2), with the documents' values as defaults.
+
+    Attributes:
+        step: w_s, cost of one transition [m].
+        turn: w_theta [m/rad].
+    """
+
+    step: float = 3.0
+    turn: float = 0.3
+
+
+class ContactDomain:
+    """Successors, heuristic, goal and lazy confirmation of contact states on one terrain.
+
+    Attributes:
+        max_travel: how far a foot moves in one transition [m]: the robot's usual bound, or the model's longest stride.
+    """
+
+    def __init__(
+        self, packed: PackedTerrain, robot: Robot, goal: Goal, model: TransitionModel, check: TransitionCheck,
+        weights: PlannerWeights, heuristic: HeuristicName, use_palms: bool = True, quasi_static: bool = True,
+    ) -> None:  # fmt: skip
+        self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
+        self.pool: ContactPool = check.pool
+        self.check = check
+        self.rejections: Counter[str] = Counter()
+        self._forbidden: set[tuple[int, ...]] = set()
+        self._blamed: list[int] = []
+        self.grid = TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
+        self._models = [model.mirrored(True), model.mirrored(False)]
+        self._heuristic_name = heuristic
+        self._palms = (0, 1) if use_palms else ()
+        self._quasi_static = quasi_static  # whether a foot may only be lifted where the rest can carry the weight
+        self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
+        self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
+        self._half = [e.half_extent for e in robot.effectors]
+        self._overhang = [e.overhang for e in robot.effectors]
+        self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
+        self._goal_xy = np.array(goal.xyz[:2])
+        # A foot that translates by d moves the mean of the feet by d / 2.
+        self.max_travel = max(robot.max_foot_translation, float(np.abs(model.steps[:, 0]).max()))
+        self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
+
+    # Search protocol -------------------------------------------------------------------------------------------
+
+    def successors(self, state: State) -> tuple[Sequence[State], np.ndarray]:
+        """Every next stance that closed-form bounds allow, and its edge cost (3.2)."""
+        states: list[State] = []
+        costs: list[np.ndarray] = []
+        last = state[4]
+        for mover in (0, 1):
+            if mover != last:
+                self._move_foot(state, mover, states, costs)
+        for side in self._palms:
+            if 2 + side != last:
+                self._move_palm(state, side, states, costs)
+        return states, (np.concatenate(costs) if costs else np.zeros(0))
+
+    def heuristic(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) estimated cost to go."""
+        estimate = self.distance_to_go(states) * self._per_metre
+        if self._heuristic_name == "euclidean" and self.goal.yaw is not None:
+            estimate += self.weights.turn * np.abs(_wrap(self._feet(states)[1] - self.goal.yaw))
+        return estimate
+
+    def distance_to_go(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) way that the mean of the feet has to go, as the chosen heuristic measures it [m]."""
+        mean, yaw = self._feet(states)
+        straight = np.hypot(*(mean[:, :2] - self._goal_xy).T)
+        if self._heuristic_name == "admissible":
+            return np.maximum(straight - self.goal.radius, 0.0)
+        if self._heuristic_name == "euclidean":
+            return straight
+        distance = self.grid.distance(mean[:, 0], mean[:, 1], yaw)
+        # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
+        return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
+
+    def _feet(self, states: Sequence[State]) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) means of the feet [m] and (n,) their headings [rad]."""
+        feet = np.array([s[:2] for s in states])
+        mean = 0.5 * (self.pool.p[feet[:, 0]] + self.pool.p[feet[:, 1]])
+        return mean, _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
+
+    def is_goal(self, state: State) -> bool:
+        """Whether the mean of the feet is in the goal region."""
+        mean = 0.5 * (self.pool.p[state[0]] + self.pool.p[state[1]])
+        if np.hypot(*(mean[:2] - self._goal_xy)) > self.goal.radius:
+            return False
+        if self.goal.yaw is None:
+            return True
+        yaw = _mean_yaw(self.pool.yaw[state[0]], self.pool.yaw[state[1]])
+        return bool(abs(_wrap(yaw - self.goal.yaw)) <= GOAL_YAW_TOLERANCE)
+
+    def confirm(self, parent: State, state: State) -> bool:
+        """Balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3)."""
+        if self.is_forbidden(parent, state):
+            self.rejections["motion"] += 1
+            return False
+        reason = self.check.transition(parent[:4], state[:4])
+        if reason:
+            self.rejections[reason] += 1
+        return not reason
+
+    def is_forbidden(self, before: State, after: State) -> bool:
+        """Whether the motion stage refused this move, or this place again and again."""
+        return bool(self._forbidden) and (_move(before, after) in self._forbidden or self._spoiled(after[after[4]]))
+
+    def forbid(self, before: State, after: State) -> None:
+        """Bars a move that the motion stage refused, whatever the palms do; where that happens again, the place goes."""
+        self._forbidden.add(_move(before, after))
+        if after[after[4]] >= 0:
+            self._blamed.append(after[after[4]])
+
+    def _spoiled(self, made: int) -> bool:
+        """Whether contacts of this end effector near this one were blamed for a motion's failure repeatedly."""
+        blamed = [n for n in self._blamed if self.pool.effector[n] == self.pool.effector[made]]
+        if made < 0 or len(blamed) < BLAMED_OUT:
+            return False
+        return (
+            int((np.linalg.norm(self.pool.p[blamed] - self.pool.p[made], axis=1) < SPOILED_RADIUS).sum()) >= BLAMED_OUT
+        )
+
+    # Moves -----------------------------------------------------------------------------------------------------
+
+    def _move_foot(self, state: State, mover: int, states: list[State], costs: list[np.ndarray]) -> None:
+        stand, old = state[1 - mover], state[mover]
+        palms = [n for n in state[2:4] if n >= 0]
+        if self._quasi_static and not palms and not self.check.stands_alone(stand):
+            self.rejections["friction"] += 1
+            return
+        if (
+            self._quasi_static and palms and (reason := self.check.can_lift(state[:4], mover))
+        ):  # one answer spares every child's own check
+            self.rejections[reason] += 1
+            return
+        numbers = self._foot_candidates(stand, mover)
+        if not len(numbers):
+            return
+        p = self.pool.p[numbers]
+        travel = np.linalg.norm(p - self.pool.p[old], axis=1)
+        keep = (travel <= self.max_travel) & (numbers != old)
+        keep &= np.abs(p[:, 2] - self.pool.p[old, 2]) <= 1.5 * self.robot.max_step_height
+        yaw = _mean_yaw(self.pool.yaw[numbers], self.pool.yaw[stand])
+        for side in (0, 1):
+            if state[2 + side] >= 0:
+                keep &= self._arm_reaches(0.5 * (p + self.pool.p[stand]), yaw, side, state[2 + side])
+        self.rejections["reach"] += int((~keep).sum())
+        numbers, travel, yaw = numbers[keep], travel[keep], yaw[keep]
+        before = _mean_yaw(self.pool.yaw[old], self.pool.yaw[stand])
+        costs.append(travel + self.weights.turn * np.abs(_wrap(yaw - before)) + self.weights.step)
+        lp, rp = state[2], state[3]
+        if mover == 0:
+            states.extend((n, stand, lp, rp, 0) for n in numbers.tolist())
+        else:
+            states.extend((stand, n, lp, rp, 1) for n in numbers.tolist())
+
+    def _move_palm(self, state: State, side: int, states: list[State], costs: list[np.ndarray]) -> None:
+        left, right, held = state[0], state[1], state[2 + side]
+        numbers = self._palm_candidates(left, right, side)
+        numbers = numbers[numbers != held]
+        travel = np.zeros(len(numbers))
+        if held >= 0:
+            travel = np.linalg.norm(self.pool.p[numbers] - self.pool.p[held], axis=1)
+            keep = travel <= self.robot.max_palm_translation
+            numbers = np.append(numbers[keep], -1)
+            travel = np.append(travel[keep], 0.0)
+        if not len(numbers):
+            return
+        costs.append(travel + self.weights.step)
+        if side == 0:
+            states.extend((left, right, n, state[3], 2) for n in numbers.tolist())
+        else:
+            states.extend((left, right, state[2], n, 3) for n in numbers.tolist())
+
+    def _foot_candidates(self, stand: int, mover: int) -> np.ndarray:
+        key = (stand, mover)
+        found = self._foot_moves.get(key)
+        if found is None:
+            found = self._foot_moves[key] = self._project_feet(stand, mover)
+        return found
+
+    def _project_feet(self, stand: int, mover: int) -> np.ndarray:
+        """Numbers of the contacts that the transition model reaches from this standing foot, legs and torso allowing."""
+        steps, _ = self._models[mover]
+        p0, yaw0 = self.pool.p[stand].copy(), float(self.pool.yaw[stand])
+        c, s = np.cos(yaw0), np.sin(yaw0)
+        xy_yaw = np.column_stack(
+            [p0[0] + c * steps[:, 0] - s * steps[:, 1], p0[1] + s * steps[:, 0] + c * steps[:, 1], yaw0 + steps[:, 2]]
+        )
+        n = len(xy_yaw)
+        p, R, surface = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64)
+        rise = self.robot.max_step_height
+        sole = (*self._half[mover], *self._overhang[mover])
+        project_feet(self.packed, mover, xy_yaw, p0[2] - rise, p0[2] + rise, *sole, p, R, surface)
+        fits = surface >= 0
+        self.rejections["no foothold"] += int((~fits).sum())
+        mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)
+        keep = fits & self._legs_reach(mean, yaw, p, p0, mover)
+        self.rejections["reach"] += int((fits & ~keep).sum())
+        centre, size = np.array(self.robot.torso_box_centre, float), np.array(self.robot.torso_box_size, float)
+        free = boxes_are_free(self.packed, mean, yaw, centre, size, keep)
+        self.rejections["collision"] += int((keep & ~free).sum())
+        keep = free
+        return np.unique(self.pool.add(mover, p[keep], R[keep], xy_yaw[keep, 2], surface[keep]))
+
+    def _legs_reach(
+        self, mean: np.ndarray, yaw: np.ndarray, p_new: np.ndarray, p_stand: np.ndarray, mover: int
+    ) -> np.ndarray:
+        """Whether some hip height serves both legs: feet apart by no more than two stretched legs and the hips allow."""
+        apart = np.linalg.norm(p_new - p_stand, axis=1)
+        hips = 2.0 * abs(self._hip[1])
+        # With both legs stretched to the greatest angle the body would drop; the lowest CoM height bounds the spread.
+        drop = max(self.robot.com_height[0] * 0.75, 0.1)
+        spread = 2.0 * np.sqrt(max((LEG_SLACK * self.robot.leg_reach[1]) ** 2 - drop**2, 0.0)) + hips
+        return apart <= spread
+
+    def _palm_candidates(self, left: int, right: int, side: int) -> np.ndarray:
+        key = (left, right, side)
+        found = self._palm_moves.get(key)
+        if found is None:
+            found = self._palm_moves[key] = self._cast_rays(left, right, side)
+        return found
+
+    def _cast_rays(self, left: int, right: int, side: int) -> np.ndarray:
+        """Numbers of the palm contacts seen from the approximated shoulder (eq. 3.1)."""
+        _, rays = self._models[side]
+        mean = 0.5 * (self.pool.p[left] + self.pool.p[right])
+        yaw = float(_mean_yaw(self.pool.yaw[left], self.pool.yaw[right]))
+        shoulder = self._shoulders(mean[None], np.array([yaw]), side)[0]
+        c, s = np.cos(yaw), np.sin(yaw)
+        rays_W = np.ascontiguousarray(rays @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
+        n = len(rays_W)
+        p, R, surface = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64)
+        low, high = self.robot.arm_reach
+        project_palms(
+            self.packed, 2 + side, shoulder, rays_W, yaw, low, ARM_SLACK * high, *self._half[2 + side], p, R, surface
+        )
+        keep = surface >= 0
+        return np.unique(self.pool.add(2 + side, p[keep], R[keep], np.full(int(keep.sum()), 0.0), surface[keep]))
+
+    def _arm_reaches(self, mean: np.ndarray, yaw: np.ndarray, side: int, palm: int) -> np.ndarray:
+        distance = np.linalg.norm(self._shoulders(mean, yaw, side) - self.pool.p[palm], axis=1)
+        return distance <= self.robot.arm_reach[1] + TORSO_SWAY
+
+    def _shoulders(self, mean: np.ndarray, yaw: np.ndarray, side: int) -> np.ndarray:
+        """(n, 3) approximated shoulder points in W (eq. 3.1)."""
+        x, y, z = self._shoulder * [1.0, 1.0 if side == 0 else -1.0, 1.0]
+        c, s = np.cos(yaw), np.sin(yaw)
+        return mean + np.column_stack([c * x - s * y, s * x + c * y, np.full(len(c), z)])
+
+
+def _move(before: State, after: State) -> tuple[int, ...]:
+    """What a transition does, without the palms that only look on: mover, standing feet, old and new contact."""
+    mover = after[4]
+    return (mover, *(n for e, n in enumerate(before[:2]) if e != mover), before[mover], after[mover])
+
+
+def _wrap(angle: np.ndarray) -> np.ndarray:
+    """The angle in (-pi, pi]."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _mean_yaw(a: np.ndarray, b: np.ndarray | float) -> np.ndarray:
+    """The heading halfway between two headings, along the shorter way round."""
+    return a + 0.5 * _wrap(b - a)

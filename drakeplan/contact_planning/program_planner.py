@@ -1,0 +1,369 @@
+"""Contact sequences from mixed-integer programs and graphs of convex sets, for the same motion stage and verifier as search.
+
+A program knows surfaces and reach, not joints, balance or limbs. So every transition of its answer is put to the middle
+tier of truth (`transition_check.py`), as the search does with its states; where one fails, the reach on that pair of
+surfaces is narrowed, in the end to nothing, and the program is solved again until a sequence passes or time is up.
+The programs want the number of contacts (Lin et al. 2019 sec. VIII-C): it starts from the distance and grows.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from drakeplan.contact_planning.contact_domain import PlannerWeights, State
+from drakeplan.contact_planning.contact_pool import ContactPool
+from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlannerOptions
+from drakeplan.contact_planning.start_stance import check_goal, start_stance
+from drakeplan.contact_planning.transition_check import TransitionCheck
+from drakeplan.search.ana_star import Limits
+from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
+from optimization.contact_programs.footstep_program import FootstepProgram
+from optimization.contact_programs.step_reach import step_reach
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.mixed_integer.solver import MixedIntegerSettings, Progress
+from scenes.input_error import unknown_name
+from scenes.robots.robot import Robot
+from scenes.scene import Goal, Scene
+from scenes.stance import Stance, changed_effector
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.transition_model import TransitionModel, transition_model
+
+ADVANCE = 0.24  # [m] of the mean of the feet per foot contact: a walk at ease, from which the number of contacts starts
+MORE_CONTACTS = 4  # added where the program is infeasible
+MAX_CONTACTS = 40
+SHRINK = 0.8  # the reach on a pair of surfaces is multiplied by this after a failure there,
+LEAST_SHARE = 0.5  # and the pair is barred once less than this would be left
+PIECE = np.deg2rad(30.0)  # greatest interval of heading
+STRAIGHT = np.deg2rad(12.0)  # headings that differ by less are one
+PATIENCE = 3.0  # [s] after a first sequence that fails for a better one that passes
+LONGEST = 600.0  # [s] of one program where no deadline is given
+GAP = 0.05  # relative gap at which the program may stop: what comes of it is judged by others anyway
+
+
+class _Program(Protocol):
+    """What the planner asks of a formulation."""
+
+    def solve(
+        self,
+        settings: MixedIntegerSettings | None = None,
+        on_incumbent: Callable[[Progress, tuple[Stance, ...]], None] | None = None,
+        stop: Callable[[], bool] | None = None,
+    ) -> ContactEstimate: ...
+
+
+FORMULATIONS = ("footsteps", "contacts", "gcs")
+
+
+def _build(formulation: str, query: ContactQuery, options: FootstepOptions) -> _Program:
+    """The program of this name; its module is loaded now, since most queries are for the search."""
+    if formulation == "contacts":
+        from optimization.contact_programs.contact_momentum_program import ContactDynamicsProgram
+
+        return ContactDynamicsProgram(query, options)
+    if formulation == "gcs":
+        from optimization.contact_programs.convex_set_graph import ConvexSetGraph
+
+        return ConvexSetGraph(query, options)
+    return FootstepProgram(query, options)
+
+
+@dataclass
+class SolveCount:
+    """What a search would tell of itself.
+
+    Attributes:
+        expansions: programs solved.
+        ended_by: as `AnaStar.ended_by`.
+        best_cost: of the sequences found, by the search's own measure (3.2).
+    """
+
+    expansions: int = 0
+    ended_by: str = ""
+    best_cost: float = np.inf
+
+
+@dataclass(frozen=True)
+class SolveNote:
+    """One program that was solved: for benchmarks and messages."""
+
+    num_contacts: int
+    palms: tuple[int, ...]
+    solver: str
+    status: str
+    time: float
+    time_to_first: float
+    gap: float
+    peak_rss_mb: float
+    failed: tuple[str, ...] = field(default=())
+
+
+class _Trial:
+    """Incumbents put to the middle tier as they come, and when to stop for what is known already."""
+
+    def __init__(self, why_it_fails: Callable[[tuple[Stance, ...]], list[tuple[int, str]]], limits: Limits) -> None:
+        self._why_it_fails, self._limits = why_it_fails, limits
+        self._until = np.inf
+        self.passed: tuple[Stance, ...] | None = None
+        self.failed: tuple[tuple[Stance, ...], list[tuple[int, str]]] | None = None
+        self._cost = np.inf
+
+    def judge(self, progress: Progress, stances: tuple[Stance, ...]) -> None:
+        """Tests a sequence that is cheaper than those before; the cheapest that passes is kept."""
+        if progress.cost >= self._cost and self.passed is not None:
+            return
+        reasons = self._why_it_fails(stances)
+        now = time.perf_counter()
+        if reasons:
+            self.failed = (stances, reasons)
+            self._until = min(self._until, now + PATIENCE)
+            return
+        if self.passed is None:
+            self._until = now + (np.inf if self._limits.improve is None else self._limits.improve)
+        self.passed, self._cost = stances, progress.cost
+
+    def stop(self) -> bool:
+        """Whether the solver has had its time."""
+        asked = self._limits.stop is not None and self._limits.stop()
+        return asked or time.perf_counter() > self._until
+
+
+class MixedIntegerPlanner:
+    """One query: a scene, a robot and a formulation; iterate over `plans`, as over `ContactPlanner.plans`.
+
+    Attributes:
+        start: the first stance.
+        goal: with its height.
+        formulation: "footsteps", "contacts" or "gcs".
+        setup_s: seconds to pack the terrain and set the robot down.
+        search: counts of the last run of `plans`, None before.
+        notes: every program that was solved.
+
+    Raises:
+        InputError: start or goal missing or off the terrain.
+    """
+
+    def __init__(
+        self, scene: Scene, robot: Robot, ik: WholeBodyIK, formulation: str,
+        options: ContactPlannerOptions | None = None, model: TransitionModel | None = None, solver: str = "auto",
+    ) -> None:  # fmt: skip
+        began = time.perf_counter()
+        if formulation not in FORMULATIONS:
+            raise unknown_name("planner", formulation, FORMULATIONS)
+        self.options, self.robot = options or ContactPlannerOptions(), robot
+        packed = pack_terrain(scene.terrain)
+        self.start: Stance = start_stance(scene, packed, robot)
+        self.goal: Goal = check_goal(scene, packed, robot)
+        self.pool = ContactPool(packed)
+        self.check = TransitionCheck(self.pool, robot, ik, packed, self.options.cone)
+        reach = step_reach(robot, model or transition_model())
+        self.query = ContactQuery(scene.terrain, robot, self.start, self.goal, reach, self.options.cone)
+        self.formulation, self._solver = formulation, solver
+        self._weights: PlannerWeights = self.options.weights
+        self._numbers: dict[int, int] = {}
+        self._failures: dict[str, int] = {}
+        self.notes: list[SolveNote] = []
+        self.search: SolveCount | None = None
+        self._why = "not planned yet"
+        walls = [e for e in (2, 3) if any(s.allows(robot.effectors[e].name) for s in scene.terrain.surfaces)]
+        self._palms = tuple(walls) if self.options.use_palms else ()
+        choices: list[tuple[int, ...]] = [(), self._palms] if self._palms else [()]
+        self._attempts = [(palms, self._least_contacts(palms)) for palms in choices]
+        self.setup_s = time.perf_counter() - began
+
+    def start_problem(self) -> str:
+        """Why the robot cannot stand at the start, "" if it can."""
+        reason = self.check.stance(self._held(self.start))
+        return reason and f"start infeasible: {reason}"
+
+    def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
+        """Yields one sequence that passes the middle tier, if there is one in time; resumes where it left off."""
+        began = clock()
+        self.search = search = SolveCount()
+        while self._attempts:
+            left = np.inf if limits.deadline is None else limits.deadline - (clock() - began)
+            if limits.stop is not None and limits.stop():
+                search.ended_by = "cancelled"
+            elif left <= 0:
+                search.ended_by = "deadline"
+            elif limits.expansions is not None and search.expansions >= limits.expansions:
+                search.ended_by = "expansions"
+            if search.ended_by:
+                self._why = (
+                    {"deadline": "deadline", "cancelled": "cancelled", "expansions": "expansion budget spent"}[
+                        search.ended_by
+                    ]
+                    + f" after {search.expansions} programs"
+                    + self._failure_text()
+                )
+                return
+            found = self._solve(min(left, LONGEST), limits)
+            search.expansions += 1
+            if found is None:
+                continue
+            cost = self._cost(found)
+            search.best_cost, search.ended_by = cost, "exhausted"
+            states = self._states(found)
+            yield ContactPlan(found, states, cost, None, search.expansions, self.setup_s + clock() - began)
+            return
+        search.ended_by = "exhausted"
+        if self._failures:
+            self._why = (
+                f"no program of up to {MAX_CONTACTS} contacts gives a sequence that passes{self._failure_text()}"
+            )
+
+    def forbid(self, before: State, after: State) -> None:
+        """Narrows the reach where a transition failed a later, stricter check, so that the next answer differs."""
+        narrowed = self.query.narrowed
+        for state in (before, after):
+            self._narrow(int(self.pool.surface[state[0]]), int(self.pool.surface[state[1]]))
+        if self.query.narrowed == narrowed and self._attempts:  # nothing is left to narrow: smaller steps
+            self._attempts = [*self._attempts[1:], *self._with_more(*self._attempts[0])]
+
+    def why_not(self) -> str:
+        """Why there is no plan, in one line."""
+        return self._why
+
+    # One program ------------------------------------------------------------------------------------------------
+
+    def _solve(self, seconds: float, limits: Limits) -> tuple[Stance, ...] | None:
+        """Solves the program in turn; a sequence whose transitions all pass, else None and something was learnt."""
+        palms, count = self._attempts[0]
+        options = FootstepOptions(
+            count, first=self._first_foot(), palms=palms, headings=self._headings(), step=1.0, turn=0.3
+        )
+        settings = MixedIntegerSettings(self._solver, time_limit=seconds, gap=GAP)
+        trial = _Trial(self.why_it_fails, limits)
+        estimate = _build(self.formulation, self.query, options).solve(
+            settings, on_incumbent=trial.judge, stop=trial.stop
+        )
+        if estimate.feasible:
+            trial.judge(Progress(0.0, estimate.cost, -np.inf), estimate.stances)
+        record = estimate.record
+        failed = () if trial.passed else self._learn(trial.failed, palms, count)
+        self.notes.append(
+            SolveNote(
+                count, palms, record.solver if record else "", record.status if record else "infeasible",
+                record.time if record else 0.0, record.time_to_first if record else np.nan,
+                record.gap if record else np.inf, record.peak_rss_mb if record else np.nan, failed,
+            )
+        )  # fmt: skip
+        if trial.passed or failed:
+            return trial.passed
+        self._why = estimate.reason + self._failure_text()
+        if not estimate.limited:
+            self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
+        return None
+
+    def why_it_fails(self, stances: tuple[Stance, ...]) -> list[tuple[int, str]]:
+        """(k, reason) for every transition from stances[k] to the next that fails the middle tier."""
+        reasons = [self.check.transition(self._held(a), self._held(b)) for a, b in itertools.pairwise(stances)]
+        return [(k, reason) for k, reason in enumerate(reasons) if reason]
+
+    def _learn(
+        self, failed: tuple[tuple[Stance, ...], list[tuple[int, str]]] | None, palms: tuple[int, ...], count: int
+    ) -> tuple[str, ...]:
+        """Narrows the reach where the best sequence failed; smaller steps where nothing is left to narrow."""
+        if failed is None:
+            return ()
+        narrowed = self.query.narrowed
+        stances, reasons = failed
+        for k, reason in reasons:
+            self._failures[reason] = self._failures.get(reason, 0) + 1
+            for stance in stances[k : k + 2]:
+                left, right = stance.contacts[:2]
+                assert left is not None
+                assert right is not None
+                self._narrow(left.surface, right.surface)
+        if self.query.narrowed == narrowed:
+            self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
+        return tuple(reason for _, reason in reasons)
+
+    @staticmethod
+    def _with_more(palms: tuple[int, ...], count: int) -> list[tuple[tuple[int, ...], int]]:
+        """The attempt with more contacts, unless there would be too many."""
+        more = count + MORE_CONTACTS * (1 + bool(palms))
+        return [(palms, more)] if more <= MAX_CONTACTS else []
+
+    def _narrow(self, left: int, right: int) -> None:
+        share = SHRINK * self.query.narrowed.get((left, right), 1.0)
+        if share < LEAST_SHARE:
+            share = LEAST_SHARE if left == right else 0.0  # one may always shuffle where both feet stand on one surface
+        self.query = replace(self.query, narrowed={**self.query.narrowed, (left, right): share})
+
+    def _failure_text(self) -> str:
+        counts = ", ".join(f"{name} {count}" for name, count in sorted(self._failures.items()))
+        return f"; transitions that failed by: {counts}" if counts else ""
+
+    # Geometry ---------------------------------------------------------------------------------------------------
+
+    def _least_contacts(self, palms: tuple[int, ...]) -> int:
+        """Contacts with which the programs begin: whole pairs of foot contacts, and the palms between them."""
+        feet = self.start.feet_mean()[:2]
+        distance = max(float(np.hypot(*(np.array(self.goal.xyz[:2]) - feet))) - self.goal.radius, 0.0)
+        steps = 2 * int(np.ceil(distance / ADVANCE / 2.0)) + 2
+        return min(steps + steps // 2 * len(palms), MAX_CONTACTS)
+
+    def _first_foot(self) -> int:
+        """The foot that is farther from the goal moves first."""
+        goal = np.array(self.goal.xyz[:2])
+        left, right = (float(np.hypot(*(c.p_WC[:2] - goal))) for c in self.query.feet)
+        return 0 if left >= right else 1
+
+    def _headings(self) -> tuple[tuple[float, float], ...]:
+        """Intervals of heading from the start's by way of the goal's direction to the goal's own."""
+        yaw = self.query.feet[0].heading
+        ahead = np.array(self.goal.xyz[:2]) - self.start.feet_mean()[:2]
+        wanted = [yaw, yaw + _wrap(np.arctan2(ahead[1], ahead[0]) - yaw)]
+        if np.hypot(*ahead) < 1.0:
+            wanted = [yaw]  # near goals are reached sideways
+        if self.goal.yaw is not None:
+            wanted.append(yaw + _wrap(self.goal.yaw - yaw))
+        low, high = min(wanted), max(wanted)
+        if high - low < STRAIGHT:
+            return ((yaw, yaw),)
+        pieces = int(np.ceil((high - low) / PIECE))
+        edges = np.linspace(low, high, pieces + 1)
+        return tuple(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+    # The search's measures ----------------------------------------------------------------------------------------
+
+    def _held(self, stance: Stance) -> tuple[int, ...]:
+        """Contact numbers by end effector, -1 where free."""
+        return tuple(-1 if c is None else self._number(c) for c in stance.contacts)
+
+    def _number(self, contact: object) -> int:
+        key = hash(contact)
+        if key not in self._numbers:
+            self._numbers[key] = self.pool.add_contact(contact)  # type: ignore[arg-type]
+        return self._numbers[key]
+
+    def _states(self, stances: tuple[Stance, ...]) -> tuple[State, ...]:
+        moved = [-1, *(changed_effector(a, b) for a, b in itertools.pairwise(stances))]
+        states: list[State] = []
+        for stance, mover in zip(stances, moved, strict=True):
+            a, b, c, d = self._held(stance)
+            states.append((a, b, c, d, mover))
+        return tuple(states)
+
+    def _cost(self, stances: tuple[Stance, ...]) -> float:
+        """The sequence's cost by the search's measure (3.2)."""
+        total = 0.0
+        for before, after in itertools.pairwise(stances):
+            mover = changed_effector(before, after)
+            old, new = before.contacts[mover], after.contacts[mover]
+            total += self._weights.step
+            if old is not None and new is not None:
+                total += float(np.linalg.norm(new.p_WC - old.p_WC))
+            if mover < 2 and old is not None and new is not None:
+                total += self._weights.turn * 0.5 * abs(_wrap(new.heading - old.heading))
+        return total
+
+
+def _wrap(angle: float) -> float:
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)

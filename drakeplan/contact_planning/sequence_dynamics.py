@@ -1,0 +1,56 @@
+"""The dynamics of a whole contact sequence: what decides whether a search result that only looked at single steps holds.
+
+Lin et al. 2019 sec. VI and VIII: the search judges every transition on its own; only what it returns goes through the program
+over all contacts, from rest to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drakeplan.timing.step_timing import Timing
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.estimate import CentroidalEstimate
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
+from scenes.robots.robot import Robot
+from scenes.stance import Stance
+
+REST = 1.0  # [s] on the last stance
+
+
+def standing_com(robot: Robot, stance: Stance) -> np.ndarray:
+    """(3,) where the CoM is taken to be in a stance at rest: over the mean of the feet, at its usual height [m]."""
+    return stance.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
+
+
+def sequence_problem(robot: Robot, stances: Sequence[Stance], timing: Timing | None = None) -> CentroidalProblem:
+    """The centroidal problem of a contact sequence, from rest; a second at the end to come to rest again."""
+    timing = timing or Timing()
+    schedule = ContactSchedule.from_stances(
+        stances, dt=timing.step or 0.2, shift_time=timing.shift, swing_time=timing.swing, settle_time=REST
+    )
+    return CentroidalProblem(
+        schedule=schedule,
+        mass=robot.mass,
+        half_extent=robot.half_extents,
+        initial_com=standing_com(robot, stances[0]),
+    )
+
+
+def sequence_dynamics(
+    robot: Robot, stances: Sequence[Stance], cone: str, timing: Timing | None = None
+) -> CentroidalEstimate:
+    """The least-effort dynamics of a contact sequence, from rest to rest (Lin 2020 sec. 6.3).
+
+    Args:
+        robot: mass, patches and limits.
+        stances: consecutive ones differ in one end effector.
+        cone: friction cone by name.
+        timing: of every transition, by default the documents'.
+    """
+    timing = timing or Timing()
+    options = timing.options(robot, cone, rest_at_end=True)
+    return CentroidalProgram(sequence_problem(robot, stances, timing), options).solve()

@@ -1,0 +1,179 @@
+"""Can the body do this step? Balance and reach at the two critical configurations (Lin 2020 sec. 3.3).
+
+A transition is supported by the contacts that both stances share. At its first critical configuration the mover has
+just broken its old contact, at the second it is about to make the new one; at both the centre of mass must lie over
+the balance polygon of the support while every end effector is where its stance puts it. This is the middle tier of
+truth: fast whole-body inverse kinematics, asked when the search is about to expand a state, with every answer kept.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from drakeplan.contact_planning.contact_pool import ContactPool, Held
+from optimization.balance.friction import cone_generators, cone_index, frame_stands_alone
+from optimization.balance.static_equilibrium import com_polygon
+from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
+from optimization.multibody.terrain_clearance import limbs, penetration
+from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
+
+MAX_CORNERS = 48  # of a balance polygon
+BALANCE_MARGIN = 0.01  # [m] the centre of mass stays this far inside the polygon,
+MARGIN_SHARE = 0.4  # or, in narrow ones, this share of the way from the edge to the centroid
+JOINT_RESERVE = 0.1  # [rad] of either end of a leg joint's range left to the motion, while no palm asks for a stretch
+COM_ROOM = 0.08  # [m] half width of the square in which a posture's CoM must lie where the dynamics ask for a place
+LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion stage moves it out
+
+
+class TransitionCheck:
+    """Answers for one robot on one terrain, cached by contact numbers."""
+
+    def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: str) -> None:
+        self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
+        self._careful_ik = _with_reserve(ik)
+        self._limbs = limbs(ik.model.tree, ik.model.capsules)
+        self._cone_index = cone_index(cone)
+        self._ik_options = IkOptions(restarts=0)
+        self._half = np.array([e.half_extent for e in robot.effectors])
+        self._limit = np.array(robot.force_limit, float)
+        self._generators: dict[float, np.ndarray] = {}
+        self._alone: dict[int, bool] = {}
+        self._regions: dict[Held, np.ndarray | None] = {}
+        self._postures: dict[tuple[Held, Held], tuple[str, np.ndarray]] = {}
+        self._seeds: dict[Held, np.ndarray] = {}
+        self._at_com: dict[tuple[Held, tuple[int, ...]], tuple[str, np.ndarray]] = {}
+        self.num_ik = 0
+
+    def stands_alone(self, number: int) -> bool:
+        """Whether a single contact can carry the weight at all: gravity lies inside its friction cone."""
+        answer = self._alone.get(number)
+        if answer is None:
+            answer = frame_stands_alone(self._cone_index, self.pool.friction(number), self.pool.R[number])
+            self._alone[number] = answer
+        return answer
+
+    def region(self, held: Held) -> np.ndarray | None:
+        """(V, 2) polygon of the CoM positions that these contacts can balance [m], None if there are none."""
+        if held not in self._regions:
+            self._regions[held] = self._solve_region(held)
+        return self._regions[held]
+
+    def stance(self, held: Held) -> str:
+        """Why the robot cannot stand still with these contacts: "", "balance", "reach" or "collision"."""
+        return self._posture(held, held, None)
+
+    def transition(self, before: Held, after: Held) -> str:
+        """Why the step from one stance to the next cannot be made: "", "balance", "reach" or "collision"."""
+        support = tuple(a if a == b else -1 for a, b in zip(before, after, strict=True))
+        if self.region(support) is None:
+            return "balance"
+        reason = self._posture(before, support, self._seeds.get(before))
+        if reason:
+            return reason
+        seed = self._postures[before, support][1]
+        reason = self._posture(after, support, seed)
+        if not reason:
+            self._seeds.setdefault(after, self._postures[after, support][1])
+        return reason
+
+    def can_lift(self, held: Held, mover: int) -> str:
+        """Why this end effector cannot be lifted: the first critical configuration, shared by all its moves."""
+        support = (*held[:mover], -1, *held[mover + 1 :])
+        return self._posture(held, support, self._seeds.get(held))
+
+    def at_com(self, held: Held, com: np.ndarray) -> str:
+        """Why the body cannot hold these contacts with its CoM over (3,) `com`: "", "reach", "balance" or "collision".
+
+        Balance is not asked for: in motion the dynamics decide it. The CoM may be `COM_ROOM` off, since what a single
+        transition leaves open the whole sequence decides.
+        """
+        cell = tuple(np.round(com[:2] / (0.5 * COM_ROOM)).astype(int).tolist())
+        known = self._at_com.get((held, cell))
+        if known is None:
+            square = com[:2] + COM_ROOM * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+            known = self._at_com[held, cell] = self._solve_over(held, square, self._seeds.get(held))
+            if not known[0]:
+                self._seeds.setdefault(held, known[1])
+        return known[0]
+
+    def posture(self, held: Held, support: Held) -> np.ndarray | None:
+        """(nq,) the configuration found for these contacts over this support, None if there is none."""
+        reason, q = self._postures.get((held, support), ("unknown", np.zeros(0)))
+        return None if reason else q
+
+    def _posture(self, held: Held, support: Held, seed: np.ndarray | None) -> str:
+        key = (held, support)
+        known = self._postures.get(key)
+        if known is None:
+            known = self._postures[key] = self._solve_posture(held, support, seed)
+        return known[0]
+
+    def _solve_posture(self, held: Held, support: Held, seed: np.ndarray | None) -> tuple[str, np.ndarray]:
+        region = self.region(support)
+        return ("balance", np.zeros(0)) if region is None else self._solve_over(held, region, seed)
+
+    def _solve_over(self, held: Held, region: np.ndarray, seed: np.ndarray | None) -> tuple[str, np.ndarray]:
+        """A posture with these contacts and the CoM over a polygon, or why there is none."""
+        active = np.array([n >= 0 for n in held])
+        X_WE = np.tile(np.eye(4), (len(held), 1, 1))
+        for e, n in enumerate(held):
+            if n >= 0:
+                X_WE[e, :3, :3], X_WE[e, :3, 3] = self.pool.R[n], self.pool.p[n]
+        self.num_ik += 1
+        options = self._ik_options._replace(com_margin=_margin(region))
+        ik = self.ik if active[2:].any() else self._careful_ik
+        answer = ik.solve(X_WE, active, region, seed, options=options)
+        if not answer.ok and seed is not None:
+            answer = ik.solve(X_WE, active, region, None, options=options)
+        if answer.ok:
+            depth = penetration(self.ik.model.tree, self.ik.model.capsules, self._limbs, self.packed, answer.q)
+            return ("collision" if depth > LIMB_DEPTH else ""), answer.q
+        return ("reach" if answer.contact_error > answer.com_violation else "balance"), answer.q
+
+    def _solve_region(self, held: Held) -> np.ndarray | None:
+        numbers = [n for n in held if n >= 0]
+        if not numbers:
+            return None
+        effectors = self.pool.effector[numbers]
+        generators = np.stack([self._cone(self.pool.friction(n)) for n in numbers])
+        corners = np.empty((MAX_CORNERS, 2))
+        count = com_polygon(
+            self.pool.p[numbers],
+            self.pool.R[numbers],
+            self._half[effectors],
+            generators,
+            self._limit[effectors],
+            corners,
+        )
+        return corners[:count].copy() if count >= 3 else None
+
+    def _cone(self, mu: float) -> np.ndarray:
+        if mu not in self._generators:
+            self._generators[mu] = cone_generators(self.cone, mu)
+        return self._generators[mu]
+
+
+def _with_reserve(ik: WholeBodyIK) -> WholeBodyIK:
+    """The same inverse kinematics with leg joints that leave the motion between postures some room."""
+    tree = ik.model.tree
+    reserve = np.zeros(len(tree.lower))
+    for foot in (0, 1):
+        link = int(tree.frame_link[foot])
+        while link > 0:  # the joint of link i is the (i - 1)-th
+            reserve[link - 1] = min(JOINT_RESERVE, 0.1 * (tree.upper[link - 1] - tree.lower[link - 1]))
+            link = int(tree.parent[link])
+    careful = copy.copy(ik)
+    careful.model = ik.model._replace(tree=tree._replace(lower=tree.lower + reserve, upper=tree.upper - reserve))
+    return careful
+
+
+def _margin(region: np.ndarray) -> float:
+    """Distance [m] that the centre of mass keeps from the edges of a counter-clockwise polygon (V, 2)."""
+    edge = np.roll(region, -1, axis=0) - region
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    to_centroid = region.mean(axis=0) - region
+    inside = (edge[:, 0] * to_centroid[:, 1] - edge[:, 1] * to_centroid[:, 0])[length > 1e-9] / length[length > 1e-9]
+    return float(np.clip(MARGIN_SHARE * inside.min(), 0.0, BALANCE_MARGIN))

@@ -1,0 +1,44 @@
+"""Loads every compiled kernel that a query needs, so that the first query is as fast as the next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions, DynamicsName
+from drakeplan.search.ana_star import Limits
+from learning.surrogate import load_surrogate
+from learning.weights import WeightsError
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.robots.robot import Robot
+from scenes.scene import Goal, Scene, Start
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
+
+
+def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
+    """Plans a few steps along a wall; the first time on a machine it compiles for a while, then it takes milliseconds.
+
+    At rest, and with learned dynamics where there are any: kernels compiled within a query would use up its deadline.
+    """
+    floor = Surface("floor", np.array([[-1.0, -1, 0], [2, -1, 0], [2, 1, 0], [-1, 1, 0]]))
+    height = robot.shoulder[2]
+    corners = [[-1.0, 0.65, height - 0.5], [2, 0.65, height - 0.5], [2, 0.65, height + 0.5], [-1, 0.65, height + 0.5]]
+    wall = Surface("wall", np.array(corners))
+    X_WO = np.eye(4)
+    X_WO[:3, 3] = [1.9, -0.9, 0.5]
+    post = Box("post", np.array([0.1, 0.1, 1.0]), X_WO)
+    terrain = Terrain((floor, wall if wall.normal[1] < 0 else wall.flipped()), (post,))
+    scene = Scene("warm_up", terrain, Start((0.0, 0.0, 0.0)), Goal((0.5, 0.0, 0.0), 0.1))
+    for dynamics in _judges(robot):
+        planner = ContactPlanner(scene, robot, ik, ContactPlannerOptions(dynamics=dynamics))
+        if not planner.start_problem():
+            for _ in planner.plans(Limits(expansions=30, improve=0.05)):
+                pass
+
+
+def _judges(robot: Robot) -> tuple[DynamicsName, ...]:
+    try:
+        load_surrogate(robot)
+    except WeightsError:  # whoever asks for them is told
+        return ("quasi-static",)
+    return ("quasi-static", "learned")

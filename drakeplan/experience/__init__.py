@@ -1,0 +1,1 @@
+"""Plans that are used again: deformed to a terrain that has changed."""

@@ -1,0 +1,209 @@
+"""From a plan and a terrain to the problem of an elastic strip: configurations, contacts, and where those may go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drakeplan.plan.plan import Plan, PlanMotion, PlanPhases
+from optimization.balance.balance_regions import BalancePolygons
+from optimization.balance.friction import cone_index, frame_stands_alone
+from optimization.balance.static_equilibrium import polygon_margin
+from optimization.elastic_strip.check import contact_heading
+from optimization.elastic_strip.problem import Gathering, StripProblem
+from optimization.elastic_strip.rows import linearise, make_strip_rows
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.contact import Contact, contact_pose, contact_rotation
+from scenes.effector import is_foot
+from scenes.footholds.contact_regions import ContactRegions, cover_terrain
+from scenes.input_error import InputError
+from scenes.robots.robot import Robot
+from scenes.scene import Scene
+from scenes.terrain.packed_terrain import PackedTerrain, near, pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import terrain_from
+
+START_RADIUS = 0.14  # [m] that the mean of the feet may be from the start: the verifier allows 15 cm
+GOAL_SLACK = 0.005  # [m] of the goal's radius left unused
+FRICTION_SHARE = 0.97  # of the friction that a contact which carries alone counts on
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Which configurations make the strip, and how far contacts may be sent.
+
+    Attributes:
+        per_phase: configurations of each phase, its start among them.
+        furthest: distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact [m].
+        turn: how far foot contacts may turn about their normals [rad].
+    """
+
+    per_phase: int
+    furthest: float
+    turn: float
+
+
+def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
+    """Loads the compiled kernels, so that no deadline pays for it."""
+    plate = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
+    ceiling = plate[::-1] + np.array([0.1, 0.0, 0.05])
+    packed = pack_terrain(terrain_from([Surface("plate", plate), Surface("ceiling", ceiling)]))
+    cover_terrain(packed, robot.effectors[0], heading=0.0)
+    model, q = ik.model, np.array(robot.q_nominal)[None]
+    rows = make_strip_rows(1, 4, q.shape[1] - 1)
+    none = np.zeros(len(model.capsules.link), np.int64)
+    linearise(model.tree, model.capsules, packed, none, q, np.ones((1, 4), bool), 0.0, 0.0, rows)
+    sole = Contact("left_foot", 0, np.eye(4), 0.5)
+    polygon = BalancePolygons(robot, [sole], "inner")(np.array([0, -1, -1, -1]))
+    polygon_margin(polygon, len(polygon), 0.0, 0.0)
+
+
+def complete_parts(plan: Plan) -> tuple[PlanPhases, PlanMotion]:
+    """Phases and motion of a complete plan.
+
+    Raises:
+        InputError: the plan has none.
+    """
+    if plan.phases is None or plan.motion is None:
+        raise InputError(f"deform: expected a complete plan, the one of {plan.scene_name!r} has no motion")
+    return plan.phases, plan.motion
+
+
+def planned_contacts(plan: Plan) -> tuple[Contact, ...]:
+    """The plan's contacts with the headings that their frames were made from."""
+    contacts = []
+    for c in range(len(plan.contacts)):
+        contact = plan.contact(c)
+        heading = contact_heading(contact.X_WC) if is_foot(contact.effector) else contact.heading
+        contacts.append(Contact(contact.effector, contact.surface, contact.X_WC, contact.friction, heading))
+    return tuple(contacts)
+
+
+def stands_alone(plan: Plan) -> np.ndarray:
+    """(C,) bool, which contacts carry the robot alone in some phase."""
+    alone = np.zeros(len(plan.contacts), dtype=bool)
+    for row in complete_parts(plan)[0].contact:
+        held = row[row >= 0]
+        if len(held) == 1:
+            alone[held[0]] = True
+    return alone
+
+
+def contact_choices(
+    contact: Contact, robot: Robot, packed: PackedTerrain, sampling: Sampling, cone: str | None
+) -> ContactRegions:
+    """Circles within reach that this contact could move to, with its heading, sorted by surface.
+
+    Args:
+        cone: friction cone by name where the contact must carry the robot alone, which steep surfaces do not let it;
+            None where it need not.
+    """
+    spec = next(e for e in robot.effectors if e.name == contact.effector)
+    x, y, reach = contact.p_WC[0], contact.p_WC[1], sampling.furthest
+    around = near(packed, x - reach, y - reach, x + reach, y + reach)
+    turn = sampling.turn if is_foot(contact.effector) else 0.0
+    around = around[around < packed.num_surfaces]
+    outside = np.maximum(np.maximum(packed.low[around] - contact.p_WC, contact.p_WC - packed.high[around]), 0.0)
+    surfaces = [int(k) for k in around[np.linalg.norm(outside, axis=1) <= reach]]
+    if cone is not None:
+        surfaces = [k for k in surfaces if _carries_alone(contact, packed, k, cone)]
+    regions = cover_terrain(
+        packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces, around=contact.p_WC, reach=reach
+    )
+    return regions.where(regions.distance(contact.X_WC) <= sampling.furthest)
+
+
+def _carries_alone(contact: Contact, packed: PackedTerrain, surface: int, cone: str) -> bool:
+    """Whether gravity lies in the friction cone there, with some to spare: the contact may turn a little yet."""
+    R_WC = contact_rotation(contact.effector, packed.normal[surface], contact.heading)
+    return frame_stands_alone(cone_index(cone), FRICTION_SHARE * float(packed.friction[surface]), R_WC)
+
+
+def choose_region(
+    contact: Contact, regions: ContactRegions, packed: PackedTerrain, penalty: Mapping[int, float]
+) -> tuple[Contact, ContactRegions]:
+    """The contact projected into its nearest region, and the circles of that surface.
+
+    Args:
+        regions: at least one.
+        penalty: surface -> what it adds to the distance, where contacts were found not to do [m].
+    """
+    more = np.array([penalty.get(int(s), 0.0) for s in regions.surface])
+    surface = int(regions.surface[np.argmin(regions.distance(contact.X_WC) + more)])
+    own = regions.where(regions.surface == surface)
+    point = own.project(contact.X_WC, own.nearest(contact.X_WC)[0])[:3, 3]
+    X_WC = contact_pose(contact.effector, point, packed.normal[surface], contact.heading)
+    return Contact(contact.effector, surface, X_WC, float(packed.friction[surface]), contact.heading), own
+
+
+def make_problem(
+    plan: Plan, scene: Scene, planned: tuple[Contact, ...],
+    chosen: Sequence[tuple[Contact, ContactRegions]], sampling: Sampling,
+) -> StripProblem:  # fmt: skip
+    """The strip of a complete plan whose contacts go where `chosen` says."""
+    phases, motion = complete_parts(plan)
+    frames, phase, share, boundary = _samples(phases, motion.t, sampling.per_phase)
+    table = phases.contact
+    held, support = table[phase].copy(), table[phase].copy()
+    for n in np.flatnonzero(boundary):
+        p = phase[n]
+        if n == len(phase) - 1 or p == 0:
+            continue
+        before, after = table[p - 1], table[p]
+        held[n] = np.where(after >= 0, after, before)
+        support[n] = np.where(before == after, after, -1)
+    swing = np.full((*held.shape, 2), -1)
+    for n, p in enumerate(phase):
+        free = held[n] < 0
+        if p > 0:
+            swing[n, free, 0] = table[p - 1, free]
+        if p + 1 < len(table):
+            swing[n, free, 1] = table[p + 1, free]
+    return StripProblem(
+        t=motion.t[frames],
+        q=motion.q[frames],
+        phase=phase,
+        contacts=tuple(contact for contact, _ in chosen),
+        planned=planned,
+        regions=tuple(regions for _, regions in chosen),
+        held=held,
+        support=support,
+        swing=swing,
+        share=share,
+        gatherings=_gatherings(plan, scene),
+    )
+
+
+def _samples(
+    phases: PlanPhases, t: np.ndarray, per_phase: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frames of the motion, their phases, how far along those they are, and which are boundaries of phases."""
+    frames: list[int] = []
+    phase: list[int] = []
+    share: list[float] = []
+    for p, (start, end) in enumerate(zip(phases.start, phases.end, strict=True)):
+        for i in range(per_phase):
+            frame = int(np.argmin(np.abs(t - (start + (end - start) * i / per_phase))))
+            if not frames or frame > frames[-1]:
+                frames.append(frame)
+                phase.append(p)
+                share.append(i / per_phase)
+    if len(t) - 1 > frames[-1]:
+        frames, phase, share = [*frames, len(t) - 1], [*phase, len(phases) - 1], [*share, 0.0]
+    boundary = np.array(share) == 0.0
+    return np.array(frames), np.array(phase), np.array(share), boundary
+
+
+def _gatherings(plan: Plan, scene: Scene) -> tuple[Gathering, ...]:
+    """The feet of the first stance near the start, those of the last within the goal."""
+    found = []
+    if scene.start is not None and not scene.start.stance:
+        feet = tuple(int(c) for c in plan.stances[0, :2] if c >= 0)
+        found.append(Gathering("start region", feet, (scene.start.xyz[0], scene.start.xyz[1]), START_RADIUS))
+    if scene.goal is not None:
+        feet = tuple(int(c) for c in plan.stances[-1, :2] if c >= 0)
+        radius = max(scene.goal.radius - GOAL_SLACK, 0.0)
+        found.append(Gathering("goal region", feet, (scene.goal.xyz[0], scene.goal.xyz[1]), radius))
+    return tuple(found)

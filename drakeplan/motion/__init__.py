@@ -1,0 +1,1 @@
+"""Contacts into momenta, forces and a whole-body motion."""

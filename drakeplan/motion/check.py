@@ -1,0 +1,138 @@
+"""What is wrong with a motion: every violation with its time, its size and what it is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from drakeplan.motion.proximity import Encounters
+from drakeplan.timing.phases import Schedule
+from optimization.inverse_kinematics.frame_task import LEVER
+from optimization.kinodynamic.momentum_tracking import motion_poses
+from optimization.multibody.kinematics import Kinematics, difference
+
+# The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
+HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
+JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
+SPEED_SHARE = 0.98  # of the joints' speed limits
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One violation.
+
+    Attributes:
+        kind: "held", "com", "speed", "jerk", "self collision", "terrain collision" or "sole collision".
+        transition: index of the transition that it belongs to.
+        time: where it is worst [s].
+        value: how bad [m, or share of a speed limit].
+        limit: what is allowed.
+        about: bodies, end effector or joint.
+    """
+
+    kind: str
+    transition: int
+    time: float
+    value: float
+    limit: float
+    about: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} at {self.time:.2f} s: {self.about}, {self.value:.4g} (limit {self.limit:.4g})"
+
+
+def mean_velocities(q: np.ndarray, step: float) -> np.ndarray:
+    """(T - 1, nv) velocity that takes each frame of q (T, nq) to the next in `step` seconds."""
+    d = np.empty((len(q) - 1, q.shape[1] - 1))
+    for t in range(len(d)):
+        difference(q[t], q[t + 1], d[t])
+    return d / step
+
+
+def velocities(q: np.ndarray, step: float) -> np.ndarray:
+    """(T, nv) velocity at each frame of q (T, nq): that of the cubic spline through the frames, at rest at both ends.
+
+    Its slopes follow from continuous accelerations, v[k-1] + 4 v[k] + v[k+1] = 3 (d[k-1] + d[k]) with d the mean
+    velocities (de Boor 1978, ch. IV); turns of the base over a frame are small enough to add like vectors.
+    """
+    v = np.zeros((len(q), q.shape[1] - 1))
+    if len(q) > 2:
+        d = mean_velocities(q, step)
+        band = np.ones((3, len(q) - 2))
+        band[1] = 4.0
+        v[1:-1] = solve_banded((1, 1), band, 3.0 * (d[:-1] + d[1:]))
+    return v
+
+
+def transition_of(schedule: Schedule, t: np.ndarray) -> np.ndarray:
+    """(n,) the transition that the phases at times t serve: shifts serve the swing that follows."""
+    return np.minimum(schedule.phase_at(t) // 2, max(len(schedule.stances) - 2, 0))
+
+
+def find_problems(
+    kinematics: Kinematics,
+    schedule: Schedule,
+    t: np.ndarray,
+    q: np.ndarray,
+    planned_com: np.ndarray,
+    met: Encounters,
+) -> list[Problem]:
+    """Every violation of a motion, the worst of each kind in each transition.
+
+    Args:
+        t: (T,) [s].
+        q: (T, nq).
+        planned_com: (T, 3) of the momentum trajectory, interpolated linearly as the verifier does [m].
+        met: pairs of bodies that come near each other, in all frames.
+    """
+    transition = transition_of(schedule, t)
+    found: list[Problem] = []
+
+    def add(kind: str, frames: np.ndarray, values: np.ndarray, limit: float, about: Sequence[str]) -> None:
+        for k in np.unique(transition[frames[values > limit]]):
+            own = np.flatnonzero(transition[frames] == k)
+            worst = int(own[np.argmax(values[own])])
+            found.append(Problem(kind, int(k), float(t[frames[worst]]), float(values[worst]), limit, about[worst]))
+
+    frames = np.arange(len(t))
+    X_WE, com = motion_poses(kinematics.tree, q)
+    for e in range(X_WE.shape[1]):
+        error = held_error(schedule, t, X_WE[:, e], e)
+        add("held", frames, error, HELD, [kinematics.frames[e]] * len(t))
+    add("com", frames, np.linalg.norm(com - planned_com, axis=1), COM, ["centre of mass"] * len(t))
+    if len(t) > 1:
+        share = np.abs(mean_velocities(q, t[1] - t[0])[:, 6:]) / kinematics.tree.speed
+        worst = share.argmax(axis=1)
+        add("speed", frames[1:], share.max(axis=1), SPEED_SHARE, [kinematics.joint_names[j] for j in worst])
+        d, v = mean_velocities(q, t[1] - t[0]), velocities(q, t[1] - t[0])
+        jump = np.maximum(np.minimum(v[:-1], v[1:]) - d, d - np.maximum(v[:-1], v[1:]))
+        worst = jump.argmax(axis=1)
+        axes = ["base"] * 6 + list(kinematics.joint_names)
+        add("jerk", frames[1:], jump.max(axis=1), JUMP, [axes[j] for j in worst])
+    names = [f"{a} and {b}" for a, b in met.bodies]
+    sole, ground = met.effector >= 0, met.with_terrain
+    for kind, own, limit in (
+        ("self collision", ~ground, PENETRATION),
+        ("terrain collision", ground & ~sole, PENETRATION),
+        ("sole collision", sole, SOLE_PENETRATION),
+    ):
+        add(kind, met.frame[own], -met.distance[own], limit, [n for n, o in zip(names, own, strict=True) if o])
+    return found
+
+
+def held_error(schedule: Schedule, t: np.ndarray, X_WE: np.ndarray, effector: int) -> np.ndarray:
+    """(T,) how far an end effector (T, 4, 4) is from what it holds, 1 rad counting `LEVER` [m]; 0 where it is free."""
+    error = np.zeros(len(t))
+    for phase in schedule.phases:
+        c = phase.contacts[effector]
+        if c < 0:
+            continue
+        own = (t >= phase.start - 1e-9) & (t <= phase.end + 1e-9)
+        X_WC = schedule.contacts[c].X_WC
+        away = np.linalg.norm(X_WE[own, :3, 3] - X_WC[:3, 3], axis=1)
+        chord = np.linalg.norm(X_WE[own, :3, :3] - X_WC[:3, :3], axis=(1, 2)) / np.sqrt(2.0)
+        error[own] = np.maximum(error[own], np.hypot(away, LEVER * chord))
+    return error

@@ -1,0 +1,142 @@
+"""The momentum trajectory of a whole contact sequence, led through the CoM positions of its key postures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from drakeplan.timing.phases import Schedule
+from optimization.centroidal.contact_schedule import ContactSchedule
+from optimization.centroidal.options import CentroidalOptions, CentroidalWeights
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.kinodynamic.joint_torques import TorqueRows
+from scenes.robots.robot import Robot
+
+# Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes
+# the least effort over the feet, wherever the legs reach.
+WEIGHTS = CentroidalWeights(com_tracking=2e4)
+BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
+
+
+def centroidal_options(robot: Robot, cone: str, dt: float) -> CentroidalOptions:
+    """The limits of a robot as options of the centroidal program."""
+    # The last key posture says where the CoM ends.
+    return replace(CentroidalOptions.for_robot(robot, cone), dt=dt, weights=WEIGHTS, final_half_width=None)
+
+
+def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(N, m) continuously differentiable course through key_x (n, m) at key_t (n,), at rest at both ends.
+
+    It does not overshoot: slopes are the harmonic mean of the secants where both go the same way, else zero (Fritsch &
+    Butland 1984).
+    """
+    slope = np.zeros_like(key_x)
+    secant = np.diff(key_x, axis=0) / np.diff(key_t)[:, None]
+    before, after = secant[:-1], secant[1:]
+    same = before * after > 0.0
+    slope[1:-1][same] = (2.0 * before * after)[same] / (before + after)[same]
+    return CubicHermiteSpline(key_t, key_x, slope)(t)
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """Where the CoM has to be when, for sequences that no quasi-static walk can follow.
+
+    Attributes:
+        t: (N,) [s].
+        com: (N, 3) [m].
+    """
+
+    t: np.ndarray
+    com: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """(n, 3) CoM at these times [m]."""
+        return CubicSpline(self.t, self.com)(np.clip(t, self.t[0], self.t[-1]))
+
+    def through(self, key_t: np.ndarray, key_com: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """(N, 3) the guide bent to where the CoM of key postures (n, 3) is at key_t (n,) [m]."""
+        return self.at(t) + through(key_t, key_com - self.at(key_t), t)
+
+
+class SequenceDynamics:
+    """Forces and momenta over one whole sequence, from rest to rest, as often as somebody asks.
+
+    Attributes:
+        contacts: which of them may carry load when.
+    """
+
+    def __init__(self, robot: Robot, schedule: Schedule, cone: str, dt: float) -> None:
+        """`dt` [s] must divide every phase."""
+        self._robot, self._usual = robot, centroidal_options(robot, cone, dt)
+        t = schedule.times(dt)
+        self.contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
+        self._programs: dict[float, CentroidalProgram] = {}
+        self._last: CentroidalTrajectory | None = None
+
+    def solve(
+        self,
+        reference: np.ndarray,
+        spin: np.ndarray,
+        box: np.ndarray | None = None,
+        torques: TorqueRows | None = None,
+    ) -> tuple[CentroidalTrajectory | None, str]:
+        """A feasible trajectory near the reference, or the reason why there is none.
+
+        Args:
+            reference: (N, 3) CoM at the knots to stay near [m]; its first row is where the robot starts.
+            spin: (N, 3) angular momentum to stay near [N m s].
+            box: (N, 3) half widths of hard bounds around it [m]; without, the pull gives way where `BOX` is too small.
+            torques: limits of the joint torques, kept where that is possible.
+        """
+        first = (1.0, BOX if box is None else box)
+        tries = [first]
+        if box is None:
+            tries += [(0.2, 2.0 * np.array(BOX)), (0.05, np.full(3, np.inf))]
+        reason = ""
+        for pull, half, rows in [(*first, torques)] * (torques is not None) + [(*each, None) for each in tries]:
+            problem = self.problem(reference, spin, half)
+            estimate = self._program(pull, problem, rows).solve()
+            if estimate.feasible:
+                self._last = estimate.trajectory
+                return estimate.trajectory, ""
+            reason = f"the dynamics are infeasible: {estimate.reason}"
+        return None, reason
+
+    def problem(
+        self, reference: np.ndarray, spin: np.ndarray, half: np.ndarray | tuple[float, ...]
+    ) -> CentroidalProblem:
+        """The data: CoM reference (N, 3), angular momentum (N, 3) to stay near and half widths of the CoM's bounds."""
+        return CentroidalProblem(
+            schedule=self.contacts,
+            mass=self._robot.mass,
+            half_extent=self._robot.half_extents,
+            initial_com=reference[0],
+            com_reference=reference,
+            com_box=np.broadcast_to(half, reference.shape),
+            angular_momentum_reference=np.vstack([np.zeros(3), spin[1:]]),
+        )
+
+    def _program(self, pull: float, problem: CentroidalProblem, torques: TorqueRows | None) -> CentroidalProgram:
+        known = self._programs.get(pull)
+        if torques is not None:
+            known = CentroidalProgram(problem, relaxed(self._usual, pull))
+            index = known.index["wrench"]
+            known.add_rows("joint torques", lambda: torques.in_program(index))
+        elif known is None:
+            known = self._programs[pull] = CentroidalProgram(problem, relaxed(self._usual, pull))
+        else:
+            known.update(problem)
+        if self._last is not None:
+            known.start_from(self._last)
+        return known
+
+
+def relaxed(options: CentroidalOptions, factor: float) -> CentroidalOptions:
+    """The same options with a CoM that is pulled `factor` times as hard to its reference."""
+    weights = replace(options.weights, com_tracking=options.weights.com_tracking * factor)
+    return replace(options, weights=weights)

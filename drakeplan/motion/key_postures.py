@@ -1,0 +1,322 @@
+"""Whole-body postures at the boundaries of phases: where every motion must pass (Lin 2020 sec. 3.3).
+
+A transition has two critical configurations: the mover has just left its old contact, and it is about to make the new
+one. At both the CoM lies over what the shared contacts can balance. They bound the swing phase, so one posture for
+each phase boundary gives the CoM a course that statics and kinematics agree on, and the motion a posture to stay near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+from shapely.ops import nearest_points
+
+from drakeplan.motion.course_dynamics import Guide
+from drakeplan.motion.proximity import ProximityMonitor
+from drakeplan.motion.separation import Room, apart
+from drakeplan.motion.swing import SwingCurve
+from drakeplan.timing.phases import MOVE, Schedule
+from optimization.balance.friction import cone_generators
+from optimization.balance.static_equilibrium import com_polygon
+from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
+from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.multibody.kinematics import Kinematics
+from scenes.contact import Contact
+from scenes.robots.robot import Robot
+
+MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
+MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that
+MAX_CORNERS = 48  # of a balance polygon
+HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
+KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
+SPREAD = 0.06  # [m] distance that arms which hang free keep from everything else in key postures
+HALFWAY = 0.45  # share of a phase at which its middle posture is taken
+STRAIGHT = 0.008  # [m] that a CoM halfway between key postures may be off where it only shifts
+FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
+GUIDED = 0.05  # [m] that the CoM may be off a guide, per axis
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
+
+
+@dataclass(frozen=True, eq=False)
+class KeyPostures:
+    """One posture for each phase boundary, P + 1 of them.
+
+    Attributes:
+        q: (P + 1, nq).
+        com: (P + 1, 3) their centres of mass [m].
+        contact_error: (P + 1,) greatest distance of a placed end effector from its contact [m].
+        com_error: (P + 1,) horizontal distance of the CoM from where it was wanted [m].
+        regions: (P + 1) balance polygons (V, 2) of the contacts that carry there, CCW [m].
+    """
+
+    q: np.ndarray
+    com: np.ndarray
+    contact_error: np.ndarray
+    com_error: np.ndarray
+    regions: tuple[np.ndarray, ...]
+
+    def failures(self) -> list[int]:
+        """Boundaries without a posture."""
+        return np.flatnonzero((self.contact_error > GOOD_CONTACT) | (self.com_error > GOOD_COM)).tolist()
+
+
+class BalanceRegions:
+    """Balance polygons of sets of contacts, each worked out once."""
+
+    def __init__(self, robot: Robot, cone: str) -> None:
+        self._robot, self._cone = robot, cone
+        self._known: dict[tuple[Contact, ...], np.ndarray] = {}
+
+    def __call__(self, contacts: tuple[Contact, ...]) -> np.ndarray:
+        """(V, 2) corners, CCW [m]; V = 0 where the contacts balance nowhere."""
+        if contacts not in self._known:
+            effectors = [e.name for e in self._robot.effectors]
+            index = [effectors.index(c.effector) for c in contacts]
+            corners = np.empty((MAX_CORNERS, 2))
+            count = com_polygon(
+                np.array([c.p_WC for c in contacts]),
+                np.array([c.R_WC for c in contacts]),
+                self._robot.half_extents[index],
+                np.array([cone_generators(self._cone, c.friction) for c in contacts]),
+                self._robot.force_limit[index],
+                corners,
+            )
+            self._known[contacts] = corners[: max(count, 0)].copy()
+        return self._known[contacts]
+
+
+def inset(region: np.ndarray, margin: float) -> np.ndarray:
+    """(V, 2) the convex region without a rim of this width [m], CCW; V = 0 where nothing is left."""
+    if margin <= 0.0:
+        return region
+    inner = shapely.Polygon(region).buffer(-margin, join_style="mitre")
+    return np.zeros((0, 2)) if inner.is_empty else np.array(orient(inner).exterior.coords)[:-1]
+
+
+def resting_point(region: np.ndarray, toward: np.ndarray, margin: float = MARGIN) -> np.ndarray:
+    """(2,) point of the region, `margin` inside its edge where it is wide enough, that is nearest to `toward` [m]."""
+    inner = inset(region, margin)
+    while not len(inner) and margin > 1e-3:
+        margin *= 0.7
+        inner = inset(region, margin)
+    if not len(inner):
+        return np.asarray(region).mean(axis=0)
+    polygon, point = shapely.Polygon(inner), shapely.Point(toward)
+    if polygon.contains(point):
+        return np.asarray(toward, dtype=float)
+    return np.array(nearest_points(polygon, point)[0].coords[0])
+
+
+def solve_key_postures(
+    robot: Robot,
+    ik: WholeBodyIK,
+    schedule: Schedule,
+    regions: BalanceRegions,
+    monitor: ProximityMonitor,
+    *,
+    spread: float = SPREAD,
+    guide: Guide | None = None,
+) -> KeyPostures:
+    """Solves all of them together, moves bodies apart that come too near each other or the terrain, retries what fails.
+
+    `spread` is the distance [m] that arms which hang free keep from everything. A `guide` says where the CoM must be,
+    whether or not it could rest there.
+
+    The first try wants the CoM well inside what the contacts balance. Where the legs do not reach that, the planner's
+    own inverse kinematics says how far the CoM can come, and the posture is made from there.
+    """
+    placed, support = _boundary_contacts(schedule)
+    if guide is None:
+        polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
+    else:
+        polygons = tuple(com[:2] + GUIDED * SQUARE for com in guide.at(schedule.boundaries))
+    targets = _targets(robot, ik.kinematics, schedule, placed, polygons)
+    if guide is not None:
+        targets = replace(targets, com=guide.at(schedule.boundaries))
+    q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
+    tree = ik.kinematics.tree
+    answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
+    room = Room.of(robot, monitor, spread)
+    answer = apart(tree, monitor, targets, answer, placed, room)
+    keys = _judged(ik.kinematics, answer, polygons)
+    failures = keys.failures()
+    if failures:
+        targets = _reachable(ik, targets, answer.q, placed, polygons, failures)
+        solve = np.isin(np.arange(len(q)), failures)
+        q = np.where(solve[:, None], targets.q_ref, answer.q)
+        answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
+        answer = apart(tree, monitor, targets, answer, placed, room, reserve=0.0)
+        keys = _judged(ik.kinematics, answer, polygons)
+    return keys
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Postures to pass one after the other.
+
+    Attributes:
+        t: (n,) when [s], ascending.
+        q: (n, nq).
+        com: (n, 3) their centres of mass [m].
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    com: np.ndarray
+
+
+def solve_course(
+    robot: Robot,
+    ik: WholeBodyIK,
+    schedule: Schedule,
+    keys: KeyPostures,
+    swings: Sequence[SwingCurve],
+    monitor: ProximityMonitor,
+    *,
+    spread: float = SPREAD,
+    guide: Guide | None = None,
+) -> Course:
+    """The key postures, and one more in the middle of each swing from contact to contact.
+
+    The latter is solved afresh: what lies between two keys need not bend the knee, nor reach as far as the CoM. So it is
+    while the CoM shifts, where legs that stand far apart do not let it go straight.
+    """
+    swinging = [2 * k + 1 for k in range(len(swings)) if schedule.kind(k) == MOVE]
+    shifting = [n for n, phase in enumerate(schedule.phases) if phase.mover < 0]
+    middle = swinging + shifting
+    num, num_effectors = len(middle), schedule.stance_contact.shape[1]
+    X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
+    place, com = np.zeros((num, num_effectors)), np.zeros((num, 3))
+    t, q = np.zeros(num), np.zeros((num, len(robot.q_nominal)))
+    for i, n in enumerate(middle):
+        phase = schedule.phases[n]
+        t[i] = phase.start + HALFWAY * (phase.end - phase.start)
+        com[i] = keys.com[n] + HALFWAY * (keys.com[n + 1] - keys.com[n])
+        if guide is not None:
+            com[i] = guide.through(schedule.boundaries, keys.com, t[i : i + 1])[0]
+        for e, c in enumerate(phase.contacts):
+            if c >= 0:
+                X_WE[i, e], place[i, e] = schedule.contacts[c].X_WC, HOLD
+        if phase.mover >= 0:
+            X_WE[i, phase.mover] = swings[n // 2].poses(np.array([HALFWAY]))[0]
+            place[i, phase.mover] = FLY[0]
+        last = len(schedule.stance_contact) - 1
+        feet, heading = _stand(schedule, schedule.stance_contact[[n // 2, min((n + 1) // 2, last)]])
+        q[i] = standing_over(robot.q_nominal, feet, heading)
+    tree = ik.kinematics.tree
+    turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
+    targets = TrackingTargets(
+        X_WE, place, turn, com, np.full((num, 3), COM), q, posture_weight(len(tree.lower)),
+        tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
+    )  # fmt: skip
+    answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
+    room = Room.of(robot, monitor, spread)
+    q = apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
+    reached = np.array([ik.kinematics.com(x) for x in q])
+    needed = np.arange(num) < len(swinging)
+    needed |= np.linalg.norm(reached - com, axis=1) > STRAIGHT
+    key_t = np.concatenate([schedule.boundaries, t[needed]])
+    order = np.argsort(key_t)
+    all_com = np.concatenate([keys.com, reached[needed]])
+    return Course(key_t[order], np.concatenate([keys.q, q[needed]])[order], all_com[order])
+
+
+def _judged(kinematics: Kinematics, answer: TrackedPostures, polygons: tuple[np.ndarray, ...]) -> KeyPostures:
+    com = np.array([kinematics.com(x) for x in answer.q])
+    com_error = np.linalg.norm(answer.com_error[:, :2], axis=1)
+    com_error[[len(p) < 3 for p in polygons]] = np.inf
+    return KeyPostures(answer.q, com, answer.effector_error.max(axis=1), com_error, polygons)
+
+
+def _reachable(
+    ik: WholeBodyIK,
+    targets: TrackingTargets,
+    q: np.ndarray,
+    placed: np.ndarray,
+    polygons: tuple[np.ndarray, ...],
+    failures: list[int],
+) -> TrackingTargets:
+    """Targets whose CoM and reference posture at the failures are what the planner's inverse kinematics finds."""
+    com, q_ref = targets.com.copy(), targets.q_ref.copy()
+    for b in failures:
+        if len(polygons[b]) < 3:
+            continue
+        for margin in MARGINS:
+            region = inset(polygons[b], margin)
+            found = ik.solve(targets.X_WE[b], placed[b] >= 0, region, q[b]) if len(region) else None
+            if found is None or not found.ok:
+                found = ik.solve(targets.X_WE[b], placed[b] >= 0, region, None) if len(region) else None
+            if found is not None and found.ok:
+                com[b], q_ref[b] = ik.kinematics.com(found.q), found.q
+                break
+    return replace(targets, com=com, q_ref=q_ref, lower=ik.kinematics.tree.lower, upper=ik.kinematics.tree.upper)
+
+
+def standing_over(q_nominal: np.ndarray, feet_mean: np.ndarray, heading: float) -> np.ndarray:
+    """(nq,) the nominal posture moved to a mean of the feet (3,) [m] and a heading [rad]."""
+    q = np.array(q_nominal)
+    w0, x0, y0, z0 = q_nominal[:4]
+    c, s = np.cos(heading / 2), np.sin(heading / 2)
+    q[:4] = [c * w0 - s * z0, c * x0 - s * y0, c * y0 + s * x0, c * z0 + s * w0]
+    x, y = q_nominal[4:6]
+    c, s = np.cos(heading), np.sin(heading)
+    q[4:7] = feet_mean + np.array([c * x - s * y, s * x + c * y, q_nominal[6]])
+    return q
+
+
+def _boundary_contacts(schedule: Schedule) -> tuple[np.ndarray, np.ndarray]:
+    """(P + 1, E) contacts in place, and contacts that carry, at every boundary: swings decide on both of their ends."""
+    num = len(schedule.phases)
+    placed, support = np.empty((num + 1, 4), np.int64), np.empty((num + 1, 4), np.int64)
+    for b in range(num + 1):
+        placed[b] = schedule.stance_contact[b // 2 if b < num else (num - 1) // 2]
+        swing = b if b % 2 else b - 1
+        support[b] = schedule.phases[swing].contacts if 0 <= swing < num and swing % 2 else placed[b]
+    return placed, support
+
+
+def _stands(schedule: Schedule, placed: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Mean of the feet [m] and heading [rad] at every boundary."""
+    return [_stand(schedule, row) for row in placed]
+
+
+def _stand(schedule: Schedule, rows: np.ndarray) -> tuple[np.ndarray, float]:
+    """Mean of the feet [m] and heading [rad] of one or several rows of contacts (..., E)."""
+    feet = [schedule.contacts[c] for c in rows[..., :2].ravel()]
+    x = np.sum([c.R_WC[:2, 0] for c in feet], axis=0)
+    return np.mean([c.p_WC for c in feet], axis=0), float(np.arctan2(x[1], x[0]))
+
+
+def _targets(
+    robot: Robot,
+    kinematics: Kinematics,
+    schedule: Schedule,
+    placed: np.ndarray,
+    polygons: tuple[np.ndarray, ...],
+) -> TrackingTargets:
+    num, num_effectors = placed.shape
+    X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
+    for b, e in zip(*np.nonzero(placed >= 0), strict=True):
+        X_WE[b, e] = schedule.contacts[placed[b, e]].X_WC
+    com, q_ref = np.zeros((num, 3)), np.empty((num, len(robot.q_nominal)))
+    for b, (feet, heading) in enumerate(_stands(schedule, placed)):
+        com[b, :2] = resting_point(polygons[b], feet[:2]) if len(polygons[b]) >= 3 else feet[:2]
+        q_ref[b] = standing_over(robot.q_nominal, feet, heading)
+    tree = kinematics.tree
+    hold = np.where(placed >= 0, HOLD, 0.0)
+    weight = posture_weight(len(tree.lower))
+    return TrackingTargets(
+        X_WE, hold, LEVER * hold, com, np.tile([COM, COM, 0.0], (num, 1)), q_ref, weight,
+        tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
+    )  # fmt: skip
+
+
+def posture_weight(num_joints: int) -> np.ndarray:
+    """(nv,) weights of base orientation, base position (none) and joints."""
+    return np.concatenate([np.full(3, UPRIGHT), np.zeros(3), np.full(num_joints, POSTURE)])

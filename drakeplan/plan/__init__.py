@@ -1,0 +1,1 @@
+"""The plan: what a planner hands over, and its file."""

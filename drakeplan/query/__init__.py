@@ -1,0 +1,1 @@
+"""One query, from a scene to a verified plan."""

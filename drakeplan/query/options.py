@@ -1,0 +1,104 @@
+"""What a user may choose about a query, and what that makes of the scene."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from drakeplan.timing.step_timing import Timing
+from scenes.input_error import InputError, unknown_name
+from scenes.scene import Goal, Scene, Start
+
+PLANNERS = ("search", "footsteps", "contacts", "gcs")
+MOST_FRICTION = 10.0  # beyond this programs lose their digits, and nothing on earth holds like that
+DYNAMICS = ("quasi-static", "exact", "learned")
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What a user may choose about a query. Angles in radians, lengths in metres, times in seconds.
+
+    Attributes:
+        seed: of every random choice.
+        start: (x, y) or (x, y, yaw) that replaces the scene's.
+        goal: the same for the goal.
+        goal_radius: replaces the goal's.
+        friction: replaces every friction in the scene.
+        cone: friction cone by name.
+        planner: by name: "search", or a mixed-integer program ("footsteps", "contacts") or a graph of convex sets ("gcs").
+        dynamics: what every transition must satisfy: "quasi-static" balance, the centroidal program ("exact"), or what
+            has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
+            search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
+        timing: of every transition; its dynamics are learned for the documents' timing alone.
+        heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
+        transition_model: name of the foot transition model, None for the scene's or the usual one.
+        deadline: limits the search alone.
+        improve: the search stops this long after the first plan; without effect when `expansions` is given.
+        expansions: nodes expanded at most; unlike times it makes runs repeatable.
+        stop: polled by the search; True ends it and keeps the incumbent.
+        command: recorded in the plan's provenance.
+    """
+
+    seed: int = 0
+    start: tuple[float, ...] | None = None
+    goal: tuple[float, ...] | None = None
+    goal_radius: float | None = None
+    friction: float | None = None
+    cone: str = "inner"
+    planner: str = "search"
+    dynamics: str | None = None
+    timing: Timing = field(default_factory=Timing)
+    heuristic: Literal["grid", "euclidean", "admissible"] = "grid"
+    transition_model: str | None = None
+    use_palms: bool = True
+    deadline: float = 30.0
+    improve: float = 1.0
+    expansions: int | None = None
+    stop: Callable[[], bool] | None = None
+    command: str = ""
+
+
+def with_options(scene: Scene, options: PlanOptions) -> Scene:
+    """The scene with the start, goal and friction that the options ask for."""
+    start, goal, terrain = scene.start, scene.goal, scene.terrain
+    if options.start is not None:
+        x, y, *heading = options.start
+        start = Start((x, y, float("nan")), heading[0] if heading else 0.0)  # the ground says how high
+    radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
+    if options.goal is not None:
+        x, y, *heading = options.goal
+        goal = Goal((x, y, float("nan")), radius, heading[0] if heading else None)
+    elif goal is not None:
+        goal = dataclasses.replace(goal, radius=radius)
+    if options.friction is not None:
+        surfaces = tuple(dataclasses.replace(s, friction=options.friction) for s in terrain.surfaces)
+        terrain = dataclasses.replace(terrain, surfaces=surfaces)
+    return dataclasses.replace(scene, start=start, goal=goal, terrain=terrain)
+
+
+def check_options(options: PlanOptions) -> None:
+    """Refuses what cannot be planned with.
+
+    Raises:
+        InputError: an unknown name, or a number that is none or out of range.
+    """
+    if options.planner not in PLANNERS:
+        raise unknown_name("planner", options.planner, PLANNERS)
+    if options.dynamics not in (None, *DYNAMICS):
+        raise unknown_name("dynamics", options.dynamics, DYNAMICS)
+    if options.planner != "search" and options.dynamics not in (None, "quasi-static"):
+        raise InputError(f"--dynamics {options.dynamics} needs --planner search, got --planner {options.planner}")
+    for key in ("deadline", "improve", "friction", "goal_radius"):
+        value = getattr(options, key)
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise InputError(f"--{key.replace('_', '-')}: expected a finite number >= 0, got {value}")
+    if options.friction is not None and not 0.0 < options.friction <= MOST_FRICTION:
+        raise InputError(f"--friction: expected more than 0, at most {MOST_FRICTION:g}, got {options.friction:g}")
+    for key in ("start", "goal"):
+        value = getattr(options, key)
+        if value is not None and not (len(value) in (2, 3) and np.isfinite(value).all()):
+            raise InputError(f"--{key}: expected X Y or X Y YAW, finite numbers, got {value}")

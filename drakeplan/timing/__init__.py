@@ -1,0 +1,1 @@
+"""When contacts are made and broken."""

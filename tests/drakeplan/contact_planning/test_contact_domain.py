@@ -1,0 +1,169 @@
+"""Contact states on small terrains: legal moves, the documented edge cost, and a heuristic that never overestimates."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+
+import numpy as np
+import pytest
+
+from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State
+from drakeplan.contact_planning.contact_pool import ContactPool
+from drakeplan.contact_planning.start_stance import check_goal, start_stance
+from drakeplan.search.ana_star import AnaStar
+from scenes.robots.robot import load_robot
+from scenes.scene import Goal, Scene, Start
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Terrain
+from scenes.transition_model import TransitionModel, transition_model
+
+ROBOT = load_robot("escher")
+
+
+class EverythingStands:
+    """Stands in for the posture check where only geometry is under test."""
+
+    def __init__(self, packed: PackedTerrain) -> None:
+        self.pool = ContactPool(packed)
+
+    def stands_alone(self, number: int) -> bool:
+        return True
+
+    def can_lift(self, held: tuple[int, ...], mover: int) -> str:
+        return ""
+
+    def transition(self, before: tuple[int, ...], after: tuple[int, ...]) -> str:
+        return ""
+
+
+def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="grid", palms=True):
+    scene = Scene("test", terrain, Start((0.0, 0.0, 0.0)), goal)
+    packed = pack_terrain(terrain)
+    check = EverythingStands(packed)
+    stance = start_stance(scene, packed, ROBOT)
+    check_goal(scene, packed, ROBOT)
+    domain = ContactDomain(packed, ROBOT, goal, model, check, PlannerWeights(), heuristic, palms)
+    numbers = [-1 if c is None else check.pool.add_contact(c) for c in stance.contacts]
+    return domain, (numbers[0], numbers[1], numbers[2], numbers[3], -1)
+
+
+def rectangle(name, corners) -> Surface:
+    return Surface(name, np.array(corners, float))
+
+
+FLOOR = rectangle("floor", [[-1, -0.6, 0], [3, -0.6, 0], [3, 0.6, 0], [-1, 0.6, 0]])
+WALL = rectangle("wall", [[-1, 0.65, 0.8], [-1, 0.65, 1.8], [3, 0.65, 1.8], [3, 0.65, 0.8]])
+WALL = WALL if WALL.normal[1] < 0 else WALL.flipped()
+SMALL = TransitionModel("small", np.array([[0.0, 0.2, 0], [0.2, 0.2, 0], [0.3, 0.25, 0]]), np.array([[0.0, 1.0, 0.0]]))
+
+
+def walk(domain: ContactDomain, start: State, steps: int, seed: int) -> list[State]:
+    rng, states = np.random.default_rng(seed), [start]
+    for _ in range(steps):
+        following, _ = domain.successors(states[-1])
+        if not following:
+            break
+        states.append(following[int(rng.integers(len(following)))])
+    return states
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_move_changes_one_end_effector_and_never_the_last_one_again(seed: int) -> None:
+    domain, start = domain_on(Terrain((FLOOR, WALL)), Goal((2, 0, 0)), transition_model())
+    for before, after in itertools.pairwise(walk(domain, start, 30, seed)):
+        changed = [e for e in range(4) if before[e] != after[e]]
+        assert changed == [after[4]]
+        assert after[4] != before[4]
+        assert after[0] >= 0 and after[1] >= 0
+
+
+def test_palms_are_made_moved_and_broken() -> None:
+    domain, start = domain_on(Terrain((FLOOR, WALL)), Goal((2, 0, 0)), transition_model())
+    kinds = set()
+    for seed in range(20):
+        for before, after in itertools.pairwise(walk(domain, start, 30, seed)):
+            if after[4] >= 2:
+                kinds.add((before[after[4]] >= 0, after[after[4]] >= 0))
+    assert kinds == {(False, True), (True, True), (True, False)}
+
+
+def test_the_edge_cost_is_equation_3_2() -> None:
+    domain, start = domain_on(Terrain((FLOOR, WALL)), Goal((2, 0, 0)), transition_model())
+    pool, weights = domain.pool, domain.weights
+    for state in walk(domain, start, 12, 3):
+        following, costs = domain.successors(state)
+        for after, cost in zip(following, costs, strict=True):
+            e = after[4]
+            made_or_broken = state[e] < 0 or after[e] < 0
+            d_e = 0.0 if made_or_broken else np.linalg.norm(pool.p[after[e]] - pool.p[state[e]])
+            turn = np.mean(pool.yaw[list(after[:2])]) - np.mean(pool.yaw[list(state[:2])])
+            assert cost == pytest.approx(d_e + weights.turn * abs(turn) + weights.step, abs=1e-12)
+
+
+def test_steps_stay_within_the_robot_s_translation() -> None:
+    domain, start = domain_on(Terrain((FLOOR,)), Goal((2, 0, 0)), transition_model("long_stride"))
+    for state in walk(domain, start, 20, 0):
+        for after in domain.successors(state)[0]:
+            moved = domain.pool.p[after[after[4]]] - domain.pool.p[state[after[4]]]
+            assert np.linalg.norm(moved) <= ROBOT.max_foot_translation + 1e-12
+
+
+def cost_to_go(domain: ContactDomain, start: State) -> tuple[float, dict[State, float]]:
+    """The slow, obvious twin: every reachable state, then Dijkstra backwards from the goals."""
+    back: dict[State, list[tuple[State, float]]] = {start: []}
+    queue = [start]
+    while queue:
+        state = queue.pop()
+        for after, cost in zip(*domain.successors(state), strict=True):
+            if after not in back:
+                back[after] = []
+                queue.append(after)
+            back[after].append((state, float(cost)))
+    to_go = {s: (0.0 if domain.is_goal(s) else np.inf) for s in back}
+    heap = [(0.0, s) for s in back if domain.is_goal(s)]
+    while heap:
+        d, state = heapq.heappop(heap)
+        if d > to_go[state]:
+            continue
+        for before, cost in back[state]:
+            if d + cost < to_go[before]:
+                to_go[before] = d + cost
+                heapq.heappush(heap, (d + cost, before))
+    return to_go[start], to_go
+
+
+def small_world(heuristic: str, palms: bool):
+    floor = rectangle("floor", [[-0.3, -0.4, 0], [1.3, -0.4, 0], [1.3, 0.4, 0], [-0.3, 0.4, 0]])
+    return domain_on(Terrain((floor, WALL) if palms else (floor,)), Goal((0.75, 0, 0), 0.1), SMALL, heuristic, palms)
+
+
+@pytest.mark.parametrize("palms", [False, True])
+def test_the_admissible_heuristic_never_exceeds_the_true_cost_to_go(palms: bool) -> None:
+    domain, start = small_world("admissible", palms)
+    optimum, to_go = cost_to_go(domain, start)
+    states = list(to_go)
+    assert np.isfinite(optimum)
+    assert len(states) > 100
+    assert (domain.heuristic(states) <= np.array([to_go[s] for s in states]) + 1e-9).all()
+
+
+@pytest.mark.parametrize("palms", [False, True])
+def test_every_bound_that_the_search_reports_holds(palms: bool) -> None:
+    domain, start = small_world("admissible", palms)
+    optimum, _ = cost_to_go(domain, start)
+    found = list(AnaStar(domain, start, epsilon=0.1, seed=1).run())
+    assert found[-1].cost == pytest.approx(optimum)
+    for incumbent in found:
+        assert incumbent.cost <= incumbent.bound * optimum * (1 + 1e-9)
+
+
+def test_a_held_palm_keeps_the_feet_within_arm_s_reach() -> None:
+    domain, start = domain_on(Terrain((FLOOR, WALL)), Goal((2, 0, 0)), transition_model())
+    for seed in range(10):
+        for state in walk(domain, start, 40, seed):
+            for side in (0, 1):
+                if state[2 + side] >= 0:
+                    mean = domain.pool.p[list(state[:2])].mean(axis=0)
+                    assert np.linalg.norm(domain.pool.p[state[2 + side]] - mean) < 1.369 + ROBOT.arm_reach[1] + 0.4

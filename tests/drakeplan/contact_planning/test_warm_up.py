@@ -1,0 +1,42 @@
+"""Nothing is compiled while a search's clock runs: the first query on a machine would spend its whole deadline on that."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+FRESH = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.search.ana_star import Limits
+from drakeplan.contact_planning.warm_up import warm_up
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.robots.robot import load_robot
+from scenes.files.scene_source import load_scene
+
+def compiled():
+    ours = [m for name, m in list(sys.modules.items()) if name.split(".")[0] in ("drakeplan", "learning", "optimization", "scenes")]
+    return {(f.py_func.__module__, f.py_func.__name__, str(s)) for m in ours for f in vars(m).values()
+            if isinstance(f, Dispatcher) for s in f.signatures}
+
+robot = load_robot("escher")
+ik = WholeBodyIK(robot)
+warm_up(robot, ik)
+before = compiled()
+assert before
+for name in ("rubble_corridor", "stairs"):
+    planner = ContactPlanner(load_scene(name, seed=0), robot, ik, ContactPlannerOptions(dynamics=sys.argv[1]))
+    assert len(list(planner.plans(Limits(expansions=100)))) > 0
+print(*sorted(compiled() - before), sep="\\n", end="")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", ["quasi-static", "learned"])
+def test_a_search_after_the_warm_up_compiles_and_loads_no_kernel(dynamics: str) -> None:
+    fresh = subprocess.run([sys.executable, "-c", FRESH, dynamics], capture_output=True, text=True, timeout=300)
+    assert fresh.returncode == 0, fresh.stderr
+    assert fresh.stdout == ""

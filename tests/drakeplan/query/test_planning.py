@@ -1,0 +1,145 @@
+"""Whole queries: every named scene end to end, the reasons for having no plan, and repeatability."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from drakeplan.plan.plan_file import write_plan
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import PlanResult, plan_scene
+from scenes.contact import Contact, contact_pose
+from scenes.files.scene_source import load_scene
+from scenes.input_error import InputError
+from scenes.robots.robot import load_robot
+from scenes.scene import Goal, Scene, Start
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
+
+ESCHER = load_robot("escher")
+
+
+def floor(name: str, x: tuple[float, float], y: tuple[float, float] = (-1, 1), friction: float = 0.5) -> Surface:
+    corners = [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]]
+    return Surface(name, np.array(corners, float), friction)
+
+
+def plan(scene: Scene, **options) -> PlanResult:
+    return plan_scene(scene, ESCHER, PlanOptions(**{"improve": 0.0, "deadline": 60.0, **options}))
+
+
+def on(terrain: Terrain, goal=(2.0, 0.0, 0.0)) -> Scene:
+    return Scene("test", terrain, Start((0.0, 0.0, 0.0)), Goal(goal))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["flat", "stairs", "narrow_flat", "rubble_field", "rubble_corridor", "wide_gap"])
+def test_a_named_scene_is_crossed_and_the_verifier_holds(name: str) -> None:
+    result = plan(load_scene(name, seed=1), seed=1)
+    assert result.status == "complete", result.reason
+    assert result.verification is not None and result.verification.holds
+    assert result.plan is not None and result.plan.status == "complete"
+
+
+@pytest.mark.slow
+def test_the_slab_is_crossed_with_a_palm_and_not_without() -> None:
+    scene = load_scene("tilted_slab")
+    with_palm = plan(scene)
+    assert with_palm.status == "complete", with_palm.reason
+    assert with_palm.report["palms_used"] > 0
+    feet_alone = plan(scene, use_palms=False, expansions=3000, dynamics="quasi-static")
+    assert feet_alone.status == "none"
+
+
+@pytest.mark.slow
+def test_a_packaged_robot_walks_with_what_its_nominal_posture_leaves_its_arms() -> None:
+    try:
+        robot = load_robot("jvrc1")
+    except InputError as error:
+        pytest.skip(str(error))
+    result = plan_scene(load_scene("flat"), robot, PlanOptions(improve=0.0))
+    assert result.status == "complete", result.reason
+    assert any("no learned dynamics" in note for note in result.notes)
+
+
+@pytest.mark.slow
+def test_a_mesh_is_crossed() -> None:
+    pytest.importorskip("trimesh")
+    try:
+        scene = load_scene("hpp/stairs")
+    except InputError as error:
+        pytest.skip(str(error))
+    result = plan(scene, start=(-0.6, 0.8), goal=(2.2, 0.8))
+    assert result.status == "complete", result.reason
+
+
+def test_the_steep_slope_has_no_quasi_static_crossing_under_a_true_cone() -> None:
+    result = plan(load_scene("steep_slope"), expansions=300, dynamics="quasi-static")
+    assert result.status == "none"
+    assert "expansion" in result.reason or "exhausted" in result.reason
+
+
+def test_a_goal_on_an_island_is_unreachable_on_the_grid() -> None:
+    result = plan(on(Terrain((floor("here", (-1, 1)), floor("island", (3, 5)))), (4.0, 0.0, 0.0)))
+    assert result.status == "none"
+    assert "unreachable on the grid" in result.reason
+
+
+def test_a_wall_across_the_way_is_unreachable_on_the_grid() -> None:
+    X_WO = np.eye(4)
+    X_WO[:3, 3] = [1.0, 0.0, 1.0]
+    wall = Box("wall", np.array([0.2, 9.0, 2.0]), X_WO)
+    result = plan(on(Terrain((floor("floor", (-1, 4)),), (wall,))))
+    assert result.status == "none"
+    assert "unreachable on the grid" in result.reason
+
+
+def test_a_start_on_ice_that_tilts_is_infeasible_and_says_why() -> None:
+    rise = 0.3
+    corners = [[-1, -1, -rise], [1, -1, rise * 0 - rise], [1, 1, rise], [-1, 1, rise]]
+    tilted = Surface("ice", np.array(corners, float), friction=0.05)
+    result = plan(on(Terrain((tilted, floor("goal", (1.0, 4.0)))), (2.5, 0.0, 0.0)))
+    assert result.status == "none"
+    assert result.reason.startswith("start infeasible")
+    assert "balance" in result.reason
+
+
+@pytest.mark.parametrize("key", ["start", "goal"])
+def test_a_place_off_the_terrain_is_bad_input_that_shows_the_extent(key: str) -> None:
+    with pytest.raises(InputError, match="terrain spans"):
+        plan(on(Terrain((floor("floor", (-1, 3)),))), **{key: (50.0, 0.0)})
+
+
+def test_a_given_start_stance_is_kept() -> None:
+    poses = {"left_foot": (0.1, 0.12), "right_foot": (0.0, -0.1)}
+    normal = np.array([0, 0, 1.0])
+    stance = tuple(Contact(e, 0, contact_pose(e, np.array([*xy, 0]), normal, 0.0), 0.5) for e, xy in poses.items())
+    scene = on(Terrain((floor("floor", (-1, 3)),)), (0.6, 0.0, 0.0))
+    result = plan(dataclasses.replace(scene, start=Start((0.05, 0.01, 0.0), 0.0, stance)))
+    assert result.plan is not None, result.reason
+    assert result.plan.stance(0).contacts[:2] == stance
+
+
+def test_unknown_planners_and_numbers_that_are_none_are_refused() -> None:
+    scene = load_scene("flat")
+    for bad in ({"planner": "mip"}, {"dynamics": "magic"}, {"deadline": float("nan")}, {"friction": -1.0}):
+        with pytest.raises(InputError):
+            plan(scene, **bad)
+
+
+def test_the_same_seed_and_budget_give_the_same_plan_bit_for_bit(tmp_path: Path) -> None:
+    files = []
+    for k in range(2):
+        result = plan_scene(load_scene("rubble_field", seed=3), ESCHER, PlanOptions(seed=3, expansions=60))
+        assert result.plan is not None, result.reason
+        write_plan(result.plan, tmp_path / f"{k}.h5")
+        files.append(h5py.File(tmp_path / f"{k}.h5"))
+    names: list[str] = []
+    files[0].visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+    assert len(names) > 15
+    for name in names:
+        np.testing.assert_array_equal(files[0][name][()], files[1][name][()], err_msg=name)

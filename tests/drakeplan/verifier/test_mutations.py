@@ -1,0 +1,295 @@
+"""Single corruptions of a plan that holds, each caught by the check that should catch it; every check catches one."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from drakeplan.plan.plan import Plan
+from drakeplan.plan.plan_file import write_plan
+from drakeplan.verifier import Report, verify
+
+Corruption = Callable[[h5py.File], None]
+LEFT_FOOT, RIGHT_FOOT, PALM, LEFT_AHEAD, RIGHT_AHEAD = range(5)  # contacts of `stepping_plan`
+
+
+def add(name: str, where: object, amount: object) -> Corruption:
+    """Adds to a part of a dataset."""
+
+    def corrupt(file: h5py.File) -> None:
+        data = file[name][()]
+        data[where] += amount
+        file[name][...] = data
+
+    return corrupt
+
+
+def put(name: str, where: object, value: object) -> Corruption:
+    """Overwrites a part of a dataset."""
+
+    def corrupt(file: h5py.File) -> None:
+        data = file[name][()]
+        data[where] = value
+        file[name][...] = data
+
+    return corrupt
+
+
+def keep(group: str, rows: Callable[[int], object]) -> Corruption:
+    """Keeps some rows of every dataset of a group."""
+
+    def corrupt(file: h5py.File) -> None:
+        for name in list(file[group]):
+            data = file[group][name][()]
+            del file[group][name]
+            file[group][name] = data[rows(len(data))]
+
+    return corrupt
+
+
+def attribute(name: str, value: object) -> Corruption:
+    return lambda file: file.attrs.__setitem__(name, value)
+
+
+def scene(old: str, new: str) -> Corruption:
+    """Rewrites the scene's text."""
+
+    def corrupt(file: h5py.File) -> None:
+        text = file["scene/yaml"].asstr()[()]
+        assert old in text, "this corruption corrupts nothing"
+        file["scene/yaml"][()] = text.replace(old, new)
+
+    return corrupt
+
+
+def plate(vertices: str) -> Corruption:
+    """Adds a surface to the scene."""
+    return scene("obstacles:", f"  - {{name: added, vertices: {vertices}}}\nobstacles:")
+
+
+def triangle_over(x: float, y: float, z: float) -> Corruption:
+    def corrupt(file: h5py.File) -> None:
+        triangles = file["scene/triangles"][()]
+        added = np.array([[[x, y, z], [x + 0.05, y, z], [x, y + 0.05, z]]])
+        del file["scene/triangles"]
+        file["scene/triangles"] = np.concatenate([triangles, added])
+
+    return corrupt
+
+
+def pillar_at(x: float, y: float) -> Corruption:
+    """Moves the obstacle, as box and as triangles."""
+
+    def corrupt(file: h5py.File) -> None:
+        scene("[1.5, -0.5, 0.5]", f"[{x}, {y}, 0.5]")(file)
+        add("scene/triangles", ..., [x - 1.5, y + 0.5, 0.0])(file)
+
+    return corrupt
+
+
+def joint(name: str, change: float) -> Corruption:
+    """Turns a joint by the same angle in every frame."""
+
+    def corrupt(file: h5py.File) -> None:
+        names = list(file["motion"].attrs["position_names"])
+        column = next(i for i, n in enumerate(names) if n.endswith(f"{name}_q"))
+        add("motion/q", (slice(None), column), change)(file)
+
+    return corrupt
+
+
+def swap_phases(file: h5py.File) -> None:
+    """The left foot swings before the palm is on the wall."""
+    contact = file["phases/contact"][()]
+    contact[[1, 3]] = contact[[3, 1]]
+    file["phases/contact"][...] = contact
+
+
+def push(file: h5py.File) -> None:
+    """The feet push each other apart: sums stay, the tangential forces do not."""
+    force = file["centroidal/force_W"][()]
+    force[:4, LEFT_FOOT, 1] += 300.0
+    force[:4, RIGHT_FOOT, 1] -= 300.0
+    file["centroidal/force_W"][...] = force
+
+
+def pull(file: h5py.File) -> None:
+    """The left foot carries more than the robot and the right foot pulls."""
+    force = file["centroidal/force_W"][()]
+    force[:4, LEFT_FOOT, 2] += 600.0
+    force[:4, RIGHT_FOOT, 2] -= 600.0
+    file["centroidal/force_W"][...] = force
+
+
+def empty_contacts(file: h5py.File) -> None:
+    for group in ("contacts", "stances"):
+        keep(group, lambda n: slice(0))(file)
+    file["phases/contact"][...] = -1
+    file["centroidal/contact"][...] = -1
+
+
+def both(*corruptions: Corruption) -> Corruption:
+    def corrupt(file: h5py.File) -> None:
+        for one in corruptions:
+            one(file)
+
+    return corrupt
+
+
+frame, knot = np.s_[200], np.s_[40]
+MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
+    # data
+    "status says contacts": (attribute("status", "contacts"), {"complete"}),
+    "a NaN in the positions": (put("motion/q", (frame, 9), np.nan), {"numbers finite"}),
+    "an infinite force": (put("centroidal/force_W", (knot, 0, 2), np.inf), {"numbers finite"}),
+    "no mass": (attribute("mass", np.nan), {"numbers finite"}),
+    "no contacts": (empty_contacts, {"nothing empty"}),
+    "no frames": (keep("motion", lambda n: slice(0)), {"nothing empty"}),
+    "a single knot": (keep("centroidal", lambda n: slice(1)), {"nothing empty"}),
+    "no phases": (keep("phases", lambda n: slice(0)), {"nothing empty"}),
+    "a contact that is not there": (put("stances/contact", (1, 2), 77), {"indices in range"}),
+    "time stands still": (put("motion/t", 5, 0.08), {"time runs forward"}),
+    "a phase that ends before it starts": (add("phases/end", 4, -1.5), {"time runs forward"}),
+    "every third knot": (keep("centroidal", lambda n: slice(None, None, 3)), {"knot spacing"}),
+    "every second frame": (keep("motion", lambda n: slice(None, None, 2)), {"frame spacing"}),
+    # contacts
+    "a contact frame that is mirrored": (put("contacts/X_WC", (0, 1, 1), -1.0), {"contact pose"}),
+    "a patch without size": (put("effectors_half_extent", 0, 0.0), {"patch size"}),
+    "an unknown surface": (put("contacts/surface", LEFT_AHEAD, 9), {"contact surface exists"}),
+    "a foot on the wall": (put("contacts/surface", LEFT_AHEAD, 1), {"contact allowed", "contact normal"}),
+    "the wall is for feet only": (scene("friction: 0.6", "contact: [left_foot]"), {"contact allowed"}),
+    "friction raised in the file": (put("contacts/friction", PALM, 0.9), {"contact friction"}),
+    "friction lowered in the scene": (scene("friction: 0.5", "friction: 0.2"), {"contact friction"}),
+    "a contact lifted by 2 cm": (
+        add("contacts/X_WC", (LEFT_AHEAD, 2, 3), 0.02),
+        {"contact on surface", "held contacts stay"},
+    ),
+    "a contact tilted by 2 deg": (
+        put("contacts/X_WC", (LEFT_FOOT, slice(3), slice(3)), [[0.99939, 0, 0.0349], [0, 1, 0], [-0.0349, 0, 0.99939]]),
+        {"contact normal", "held contacts keep level"},
+    ),
+    "a contact off the edge": (put("contacts/X_WC", (RIGHT_AHEAD, 0, 3), 1.95), {"patch inside", "held contacts stay"}),
+    "a surface cut back under the sole": (
+        scene("[2, -1, 0], [2, 0.6, 0]", "[0.28, -1, 0], [0.28, 0.6, 0]"),
+        {"patch inside"},
+    ),
+    "a slab over a contact": (
+        plate("[[0.1, 0, 0.04], [0.3, 0, 0.04], [0.3, 0.2, 0.04], [0.1, 0.2, 0.04]]"),
+        {"patch uncovered", "sole and palm collision"},
+    ),
+    "a kerb along a sole": (
+        plate("[[0.1, 0.14, 0.02], [0.3, 0.14, 0.02], [0.3, 0.2, 0.02], [0.1, 0.2, 0.02]]"),
+        {"patch uncovered"},
+    ),
+    "a triangle over a contact": (triangle_over(0.0, -0.1, 0.01), {"patch uncovered"}),
+    "a contact inside a box": (pillar_at(0.2, -0.1), {"patch uncovered", "terrain collision"}),
+    "a larger sole": (put("effectors_half_extent", 0, [0.2, 0.1]), {"patch on robot"}),
+    # stances and phases
+    "a stance left out": (keep("stances", lambda n: [0, 2, 3, 4]), {"one change a stance", "phases follow stances"}),
+    "a stance twice": (keep("stances", lambda n: [0, 1, 1, 2, 3, 4]), {"one change a stance"}),
+    "a foot's contact held by a palm": (put("stances/contact", (0, 3), LEFT_FOOT), {"stance effectors"}),
+    "an empty stance": (put("stances/contact", 2, -1), {"stance holds", "one change a stance"}),
+    "a phase emptied": (
+        put("phases/contact", 4, -1),
+        {"phase holds", "phases follow stances", "phases agree with forces"},
+    ),
+    "a phase with another foot's contact": (put("phases/contact", (0, 0), RIGHT_FOOT), {"phase effectors"}),
+    "a gap between phases": (add("phases/start", 3, 0.1), {"phases contiguous"}),
+    "phases that end early": (add("phases/end", -1, -0.3), {"one time span"}),
+    "phases in another order": (swap_phases, {"phases follow stances"}),
+    "the last stance is never reached": (
+        both(keep("phases", lambda n: slice(n - 1)), put("phases/end", -1, 9.8)),
+        {"phases follow stances"},
+    ),
+    "a palm that carries while it swings": (put("centroidal/contact", (8, 2), PALM), {"phases agree with forces"}),
+    "the motion starts later": (add("motion/t", ..., 0.2), {"one time span"}),
+    "the forces start later": (add("centroidal/t", ..., 0.05), {"one time span", "phases agree with forces"}),
+    # forces and momentum
+    "a force on a foot in the air": (
+        put("centroidal/force_W", (33, 0, 2), 1.0),
+        {"no force without contact", "newton"},
+    ),
+    "the last row differs": (add("centroidal/force_W", (-1, 0, 2), 5.0), {"last row repeats"}),
+    "a force scaled": (put("centroidal/force_W", (knot, 1), [0.0, 0.0, 800.0]), {"newton", "euler"}),
+    "feet that push each other apart": (push, {"wrench in true cone", "wrench in named cone"}),
+    "a foot that pulls": (pull, {"unilateral", "wrench in true cone"}),
+    "a centre of pressure beside the sole": (
+        put("centroidal/cop_C", (2, 0), [0.15, 0.0]),
+        {"wrench in true cone", "wrench in named cone", "euler"},
+    ),
+    "a yaw torque beyond friction": (put("centroidal/torque_n", (2, 0), 60.0), {"wrench in true cone", "euler"}),
+    "a heavier file": (attribute("mass", 77.0), {"mass", "newton"}),
+    "the CoM jumps": (add("centroidal/com", (knot, 0), 0.01), {"com integration"}),
+    "the CoM of another robot": (add("centroidal/com", (..., 0), 0.03), {"com of model", "euler"}),
+    "a robot that leans over its toes": (add("centroidal/com", (..., 0), 0.3), {"balance at rest"}),
+    "a robot that keeps turning": (add("centroidal/angular_momentum", ..., 1.0), {"momentum at rest"}),
+    "a robot that never stops": (
+        add("centroidal/linear_momentum", ..., [2.0, 0.0, 0.0]),
+        {"momentum at rest", "com integration"},
+    ),
+    "spin out of nothing": (add("centroidal/angular_momentum", (knot, 2), 0.5), {"euler"}),
+    # motion
+    "a base that floats": (add("motion/q", (..., 6), 0.02), {"held contacts stay"}),
+    "a base that floats for one frame": (add("motion/q", (frame, 6), 0.02), {"held contacts stay", "velocities"}),
+    "a base that has sunk": (add("motion/q", (..., 6), -0.02), {"sole and palm collision", "held contacts stay"}),
+    "a foot that turns on its spot": (joint("left_hip_yaw", 0.05), {"held contacts keep level"}),
+    "a knee bent backwards": (joint("left_knee", -1.5), {"joint limits"}),
+    "a joint that jumps": (add("motion/q", (frame, 12), 0.5), {"joint speeds", "velocities"}),
+    "velocities of another motion": (put("motion/v", ..., 0.0), {"velocities"}),
+    "a motion that does not stop": (put("motion/v", (-1, 8), 0.1), {"posture at rest"}),
+    "a quaternion that is not unit": (put("motion/q", (frame, 0), 0.9), {"quaternion unit"}),
+    "a quaternion of the other sign": (
+        lambda file: put("motion/q", (slice(200, None), slice(4)), -file["motion/q"][200:, :4])(file),
+        {"quaternion sign"},
+    ),
+    "an arm through the body": (joint("right_shoulder_roll", 0.6), {"self collision"}),
+    "a pillar in the way": (pillar_at(0.2, 0.3), {"terrain collision"}),
+    "a low ceiling": (plate("[[-1, -1, 1.3], [-1, 1, 1.3], [1, 1, 1.3], [1, -1, 1.3]]"), {"terrain collision"}),
+    # where it starts and ends
+    "another start": (scene("start: {xyz: [0, 0, 0]", "start: {xyz: [0.2, 0, 0]"), {"start"}),
+    "another heading": (scene("0], yaw: 0}\ngoal", "0], yaw: 0.2}\ngoal"), {"start heading"}),
+    "another goal": (scene("xyz: [0.2, 0, 0], radius", "xyz: [0.5, 0, 0], radius"), {"goal"}),
+    "another heading at the goal": (scene("radius: 0.1, yaw: 0}", "radius: 0.1, yaw: 1.0}"), {"goal heading"}),
+    "another first stance": (
+        scene("{xyz: [0, 0, 0], yaw: 0}", "{stance: {left_foot: {surface: ground, xyz: [0, 0.11, 0]}}}"),
+        {"start"},
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def good(stepping_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("plans") / "good.h5"
+    write_plan(stepping_plan, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def verdict(good: Path) -> Report:
+    return verify(good)
+
+
+def test_the_plan_holds_before_anything_is_corrupted(verdict: Report) -> None:
+    assert verdict.holds, verdict.table()
+
+
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_a_corruption_is_caught_by_its_check(good: Path, tmp_path: Path, name: str) -> None:
+    corrupt, expected = MUTATIONS[name]
+    path = tmp_path / "bad.h5"
+    shutil.copy(good, path)
+    with h5py.File(path, "r+") as file:
+        corrupt(file)
+    report = verify(path)
+    assert not report.holds
+    assert expected <= set(report.failed), report.table()
+
+
+def test_no_check_is_without_a_corruption_that_it_catches(verdict: Report) -> None:
+    caught = set().union(*(expected for _, expected in MUTATIONS.values()))
+    assert {check.name for check in verdict.checks} == caught
