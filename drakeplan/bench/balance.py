@@ -31,7 +31,7 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from optimization.balance.friction import cone_generators, corner_points
+from optimization.balance.friction import FrictionCone, cone_generators, corner_points
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
@@ -40,7 +40,7 @@ from scenes.robots.robot import load_robot
 PEER = "hpp_centroidal_dynamics"
 INSTALL = "not installed here, so not compared: pip install hpp-centroidal-dynamics"
 CONTACTS = (2, 3, 4)
-CONES = {"square": 4, "inner": 8}  # edges of hpp's pyramid
+CONES = {FrictionCone.SQUARE: 4, FrictionCone.INNER: 8}  # edges of hpp's pyramid
 MU = 0.5
 OUT_OF_REACH = 1e3  # [M g] a force limit that never binds
 QUERIES = 100  # of one contact set, where there are many
@@ -328,7 +328,7 @@ def _stance(rng: np.random.Generator, n: int) -> tuple[list[int], np.ndarray, np
     return effectors, np.array(points), np.array(normals)
 
 
-def _case(rng: np.random.Generator, n: int, cone: str, robot: str) -> Case:
+def _case(rng: np.random.Generator, n: int, cone: FrictionCone, robot: str) -> Case:
     effectors, points, normals = _stance(rng, n)
     half = load_robot(robot).half_extents[effectors]
     R_WC = np.array([_peer_frame(normal) for normal in normals])
@@ -360,7 +360,7 @@ def agreement_with_highs(n: int, count: int, options: BenchOptions) -> tuple[int
         effectors, points, normals = _stance(rng, n)
         R_WC = np.array([contact_rotation(EFFECTORS[e], v, rng.uniform(-0.4, 0.4)) for e, v in
                          zip(effectors, normals, strict=True)])  # fmt: skip
-        generators = np.stack([cone_generators("inner", MU)] * n)
+        generators = np.stack([cone_generators(FrictionCone.INNER, MU)] * n)
         arrays = ContactArrays(points, R_WC, robot.half_extents[effectors], generators, robot.force_limit[effectors])
         xy = points[:2, :2].mean(axis=0) + rng.uniform(-0.25, 0.25, 2)
         if abs(polygon_margin(out, com_polygon(*arrays, out), *xy)) < BOUNDARY:

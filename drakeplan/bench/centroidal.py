@@ -15,6 +15,7 @@ from drakeplan.bench.peers import differential_dynamic, interior_point
 from drakeplan.bench.peers.interior_point import InteriorPoint
 from drakeplan.bench.random_transitions import CATEGORIES, RandomTransition, random_transition
 from drakeplan.bench.table import BenchOptions, BenchTable
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import UP, CentroidalOptions
@@ -29,7 +30,7 @@ from scenes.stance import Stance
 PER_SEED = 4  # transitions of each category: 200 for 50 seeds
 STARTS = 2  # of the interior point, where it finds nothing
 TURNS = 3  # of each whole sequence; the least time counts
-CONES = ("inner", "square")
+CONES = (FrictionCone.INNER, FrictionCone.SQUARE)
 AIMS = {"feet": (40, 0.95), "one palm": (25, 0.92), "both palms": (25, 0.92)}  # labels/s, agreement
 SLOPE = np.deg2rad(17.0)  # [rad]; the published 30 deg are impossible at friction 0.5 under any true cone
 SEQUENCE_AIMS = {"10 contacts": (150, 300), "31 contacts": (600, 1500)}  # ms with PIQP and with Clarabel
@@ -64,7 +65,7 @@ def run(options: BenchOptions) -> BenchTable:
             for solver in solvers:
                 found = label(robot, drawn, replace(transition_options(robot, cone), solver=solver))
                 agrees: tuple[object, ...] = (NONE, NONE, NONE, NONE)
-                if cone == "inner" and solver == solvers[0] and interior_point.available():
+                if cone == FrictionCone.INNER and solver == solvers[0] and interior_point.available():
                     agrees, listed = agreement(robot, category, drawn, found, options)
                     notes += listed
                 rows.append(_label_row(category, cone, solver, found, agrees))
@@ -112,7 +113,9 @@ def _question(t: RandomTransition) -> tuple[Stance, Stance, np.ndarray, np.ndarr
     return t.before, t.after, t.com, t.linear_momentum
 
 
-def _label_row(category: str, cone: str, solver: str, found: Labels, agrees: tuple[object, ...]) -> tuple[object, ...]:
+def _label_row(
+    category: str, cone: FrictionCone, solver: str, found: Labels, agrees: tuple[object, ...]
+) -> tuple[object, ...]:
     rate, share = AIMS[category]
     yes = sum(e.feasible for e in found.estimates)
     percent = [1e3 * float(np.percentile(found.wall, q)) for q in (50, 95)]
@@ -204,12 +207,14 @@ def sequence_problem(robot: Robot, stances: list[Stance], options: CentroidalOpt
     return CentroidalProblem(schedule, robot.mass, robot.half_extents, start)
 
 
-def sequence_options(robot: Robot, cone: str, solver: str) -> CentroidalOptions:
+def sequence_options(robot: Robot, cone: FrictionCone, solver: str) -> CentroidalOptions:
     """A robot's limits; at rest at the end."""
     return replace(transition_options(robot, cone), rest_at_end=True, explain=True, solver=solver)
 
 
-def _sequence_row(robot: Robot, name: str, stances: list[Stance], cone: str, solver: str) -> tuple[object, ...]:
+def _sequence_row(
+    robot: Robot, name: str, stances: list[Stance], cone: FrictionCone, solver: str
+) -> tuple[object, ...]:
     chosen = sequence_options(robot, cone, solver)
     problem = sequence_problem(robot, stances, chosen)
     wall, cpu = [], []
@@ -228,9 +233,9 @@ def _sequence_row(robot: Robot, name: str, stances: list[Stance], cone: str, sol
 
 def peers_on_a_walk(robot: Robot) -> tuple[list[tuple[object, ...]], list[str]]:
     """One walk of six contacts for our program, IPOPT and crocoddyl: cost, violation by IPOPT's functions, time."""
-    chosen = sequence_options(robot, "inner", "auto")
+    chosen = sequence_options(robot, DEFAULT_CONE, "auto")
     problem = sequence_problem(robot, slope_walk(6, length=0.8), chosen)
-    rows, notes = [_sequence_row(robot, WALK, slope_walk(6, length=0.8), "inner", "auto")], []
+    rows, notes = [_sequence_row(robot, WALK, slope_walk(6, length=0.8), DEFAULT_CONE, "auto")], []
     ours = CentroidalProgram(problem, chosen).solve()
     if not interior_point.available():
         return rows, [*notes, interior_point.INSTALL]
@@ -250,5 +255,5 @@ def _peer_row(
     name: str, feasible: bool, seconds: float, cost: float, ours: CentroidalEstimate, violation: float
 ) -> tuple[object, ...]:
     ratio = ours.cost / cost
-    return (WALK, "inner", name, 1, int(feasible), NONE, NONE, NONE, 1e3 * seconds, NONE, NONE, NONE,
+    return (WALK, DEFAULT_CONE, name, 1, int(feasible), NONE, NONE, NONE, 1e3 * seconds, NONE, NONE, NONE,
             ratio, ratio, violation)  # fmt: skip

@@ -12,6 +12,7 @@ from drakeplan.bench.robustness import COLUMNS, robustness_sums
 from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
 from drakeplan.search.ana_star import Limits
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
@@ -69,7 +70,7 @@ class SequenceTrials:
     """
 
     def __init__(
-        self, robot: Robot, cone: str, plans: Sequence[ContactPlan], why: str = "", asked: dict[str, int] | None = None,
+        self, robot: Robot, cone: FrictionCone, plans: Sequence[ContactPlan], why: str = "", asked: dict[str, int] | None = None,
         busy: float = NOTHING,
     ) -> None:  # fmt: skip
         self.robot, self.cone, self.plans = robot, cone, tuple(plans)

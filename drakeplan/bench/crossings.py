@@ -26,6 +26,7 @@ from drakeplan.plan.plan_file import write_plan
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
 from drakeplan.verifier import verify
+from optimization.balance.friction import FrictionCone
 from optimization.balance.static_equilibrium import balance_region
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import GRAVITY
@@ -59,7 +60,7 @@ class Crossing:
         scene: what to cross.
         name: of it in the table.
         dynamics: as for `ContactPlannerOptions`.
-        cone: friction cone by name.
+        cone: friction cone.
         timing: of every transition.
         steps: foot transition model, "" for the scene's or the usual one.
     """
@@ -67,7 +68,7 @@ class Crossing:
     scene: Scene
     name: str
     dynamics: DynamicsName
-    cone: str
+    cone: FrictionCone
     timing: Timing
     steps: str = ""
 
@@ -78,18 +79,18 @@ def crossings() -> tuple[Crossing, ...]:
     gap, wider, steep, slippery = wide_gap.named(), wider_gap.named(), steep_slope.named(), slippery_slope.named()
     long = steep_slope.named(tilt=slippery_slope.TILT)
     return (
-        Crossing(gap, "wide_gap", "quasi-static", "inner", documented, "leap_stride"),
-        Crossing(gap, "wide_gap", "learned", "inner", documented, "leap_stride"),
-        Crossing(gap, "wide_gap", "exact", "inner", documented, "leap_stride"),
-        Crossing(wider, "wider_gap", "quasi-static", "inner", brisk),
-        Crossing(wider, "wider_gap", "exact", "inner", brisk),
-        Crossing(steep, "steep_slope", "quasi-static", "second_order", documented),
-        Crossing(steep, "steep_slope", "exact", "diamond", documented),
-        Crossing(steep, "steep_slope", "exact", "second_order", quick),
-        Crossing(slippery, "slippery_slope", "quasi-static", "second_order", quick),
-        Crossing(slippery, "slippery_slope", "exact", "second_order", documented),
-        Crossing(slippery, "slippery_slope", "exact", "second_order", quick),
-        Crossing(long, "steep_slope, 27 deg", "exact", "second_order", quick),
+        Crossing(gap, "wide_gap", "quasi-static", FrictionCone.INNER, documented, "leap_stride"),
+        Crossing(gap, "wide_gap", "learned", FrictionCone.INNER, documented, "leap_stride"),
+        Crossing(gap, "wide_gap", "exact", FrictionCone.INNER, documented, "leap_stride"),
+        Crossing(wider, "wider_gap", "quasi-static", FrictionCone.INNER, brisk),
+        Crossing(wider, "wider_gap", "exact", FrictionCone.INNER, brisk),
+        Crossing(steep, "steep_slope", "quasi-static", FrictionCone.SECOND_ORDER, documented),
+        Crossing(steep, "steep_slope", "exact", FrictionCone.DIAMOND, documented),
+        Crossing(steep, "steep_slope", "exact", FrictionCone.SECOND_ORDER, quick),
+        Crossing(slippery, "slippery_slope", "quasi-static", FrictionCone.SECOND_ORDER, quick),
+        Crossing(slippery, "slippery_slope", "exact", FrictionCone.SECOND_ORDER, documented),
+        Crossing(slippery, "slippery_slope", "exact", FrictionCone.SECOND_ORDER, quick),
+        Crossing(long, "steep_slope, 27 deg", "exact", FrictionCone.SECOND_ORDER, quick),
     )
 
 
@@ -196,7 +197,9 @@ def can_span(robot: Robot, stride: float, over: int | None, heading: float = 0.0
         feet[foot][:2, 3] = x, side * SIDE * math.cos(heading)
     region = None
     if over is not None:
-        region = balance_region([Contact(EFFECTORS[over], over, feet[over], FRICTION)], robot, "second_order")
+        region = balance_region(
+            [Contact(EFFECTORS[over], over, feet[over], FRICTION)], robot, FrictionCone.SECOND_ORDER
+        )
     for part, drop in ((0.5, 0.05), (0.5, 0.25), (0.3, 0.05), (0.7, 0.05), (0.1, 0.25), (0.9, 0.25)):
         q = robot.q_nominal.copy()
         q[:4] = math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)

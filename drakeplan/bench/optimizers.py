@@ -15,6 +15,7 @@ from drakeplan.bench.peers import interior_point
 from drakeplan.bench.random_transitions import random_transition
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
 from drakeplan.bench.trial import Method, Trial, exact_hessian, free_timing, ours, run_trial
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.transition_dynamics import TransitionDynamics
@@ -29,7 +30,7 @@ COLUMNS = (
 TITLE = "Optimisers side by side"
 PICTURE = Path("out/optimizers.png")
 TURNS = 3  # of each whole sequence; the least time counts
-PEER_LONGEST = {"inner": 100, "square": 20}  # intervals: it takes seconds to build for more
+PEER_LONGEST = {FrictionCone.INNER: 100, FrictionCone.SQUARE: 20}  # intervals: it takes seconds to build for more
 NOTES = (
     "succeed: claimed and confirmed on world forces alone; false claims: claimed and refuted. cost: median over what this"
     " row solved; cost / best: median over questions, the best answer of any row with the same cone and timing being 1.",
@@ -59,12 +60,12 @@ def run(options: BenchOptions) -> BenchTable:
 def methods() -> list[Method]:
     """What is compared on centroidal questions, as far as it is installed."""
     found = []
-    for cone in ("inner", "square", "second_order"):
+    for cone in (FrictionCone.INNER, FrictionCone.SQUARE, FrictionCone.SECOND_ORDER):
         solvers = ["piqp", "clarabel"] if piqp_adapter.available() else ["clarabel"]
         found += [Method("centroidal", solver, cone, ours(solver)) for solver in solvers]
         if cone in PEER_LONGEST and interior_point.available():
             found.append(Method("centroidal", "ipopt, exact Hessian", cone, exact_hessian(), PEER_LONGEST[cone]))
-    return [*found, Method("centroidal, free timing", "auto", "inner", free_timing("auto"))]
+    return [*found, Method("centroidal, free timing", "auto", DEFAULT_CONE, free_timing("auto"))]
 
 
 def centroidal_questions(robot: Robot, seeds: int) -> dict[str, list[Question]]:
@@ -77,7 +78,7 @@ def centroidal_questions(robot: Robot, seeds: int) -> dict[str, list[Question]]:
             (dynamics.problem(t.before, t.after, t.com, t.linear_momentum), dynamics.options) for t in drawn
         ]
     for size, stances in (("10 contacts", gap_walk()), ("31 contacts", slope_walk(31))):
-        chosen = sequence_options(robot, "inner", "auto")
+        chosen = sequence_options(robot, DEFAULT_CONE, "auto")
         questions[size] = [(sequence_problem(robot, stances, chosen), chosen)]
     return questions
 

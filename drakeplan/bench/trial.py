@@ -12,6 +12,7 @@ import numpy as np
 
 from drakeplan.bench.peers import interior_point
 from optimization.balance.contact_wrench import CornerForces
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.check import violations
 from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem, structure
@@ -31,14 +32,14 @@ class Method:
     Attributes:
         formulation: in words.
         solver: in words.
-        cone: friction cone by name.
+        cone: friction cone.
         answer: claim, problem with the timing of the answer, trajectory or None, cost, seconds to build and to solve.
         longest: intervals of the longest question that it is asked; it is asked once where it has such a limit.
     """
 
     formulation: str
     solver: str
-    cone: str
+    cone: FrictionCone
     answer: Callable[[CentroidalProblem, CentroidalOptions], Answer]
     longest: int | None = None
 

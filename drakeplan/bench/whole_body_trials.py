@@ -16,6 +16,7 @@ from drakeplan.experience.deformation import DeformOptions, deform
 from drakeplan.motion.free_timing import effort, planned_schedule
 from drakeplan.query.planning import PlanOptions, plan_scene
 from drakeplan.timing.step_timing import Timing
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.check import violations
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import CentroidalOptions
@@ -92,10 +93,10 @@ def kinodynamic_row(robot: Robot) -> Row:
     elapsed = time.process_time() - built
     trajectory = None if estimate.centroidal is None else estimate.centroidal.trajectory
     if estimate.centroidal is None or trajectory is None:
-        return _row("kino-dynamic", "auto", "inner", "2 steps", estimate.feasible, False, build=built - began,
+        return _row("kino-dynamic", "auto", DEFAULT_CONE, "2 steps", estimate.feasible, False, build=built - began,
                     solve=elapsed, memory=memory.rise)  # fmt: skip
     found = violations(problem, program.options.centroidal, trajectory)
-    return _row("kino-dynamic", "auto", "inner", "2 steps", estimate.feasible, not found, cost=estimate.centroidal.cost,
+    return _row("kino-dynamic", "auto", DEFAULT_CONE, "2 steps", estimate.feasible, not found, cost=estimate.centroidal.cost,
                 violation=found[0].excess if found else 0.0, residual=newton_euler(problem, trajectory),
                 build=built - began, solve=elapsed, memory=memory.rise)  # fmt: skip
 
@@ -105,12 +106,12 @@ def strip_row(robot: Robot) -> Row:
     scene, moved = moved_scene(SCENE, 0)
     plan = plan_scene(scene, robot, PlanOptions(seed=0, dynamics="quasi-static")).plan
     if plan is None or plan.motion is None:
-        return _row("elastic strip", "no plan to deform", "inner", SCENE, False, False)
+        return _row("elastic strip", "no plan to deform", DEFAULT_CONE, SCENE, False, False)
     with peak_memory() as memory:
         result = deform(plan, moved, DeformOptions(), robot=robot)
     holds = result.verification is not None and result.verification.holds
     iterations = f"{SCENE}, {result.report.get('configurations', NAN):.0f} configurations"
-    return _row("elastic strip", "auto", "inner", iterations, result.status == "complete", holds,
+    return _row("elastic strip", "auto", DEFAULT_CONE, iterations, result.status == "complete", holds,
                 solve=result.report["deform_s"], memory=memory.rise)  # fmt: skip
 
 
@@ -128,7 +129,7 @@ def plan_rows(robot: Robot) -> Iterator[Row]:
         if plan is not None and plan.centroidal is not None:
             cost = effort(robot, planned_schedule(plan), options.cone, plan.centroidal)  # type: ignore[arg-type]
         formulation = f"whole plan, {'free' if free else 'given'} timing"
-        yield _row(formulation, "auto", "inner", SCENE, whole, found.status == "complete", cost=cost, solve=elapsed,
+        yield _row(formulation, "auto", DEFAULT_CONE, SCENE, whole, found.status == "complete", cost=cost, solve=elapsed,
                    memory=memory.rise)  # fmt: skip
 
 
@@ -163,15 +164,15 @@ def _contact_row(
         solve, memory = record.cpu_time, record.peak_rss_mb
     if record is None or not estimate.feasible:
         return _row(
-            formulation, solver, "inner", size, estimate.feasible, False, build=build, solve=solve, memory=memory
+            formulation, solver, DEFAULT_CONE, size, estimate.feasible, False, build=build, solve=solve, memory=memory
         )
-    return _row(formulation, record.solver, "inner", size, True, record.worst <= settings.accept, cost=estimate.cost,
+    return _row(formulation, record.solver, DEFAULT_CONE, size, True, record.worst <= settings.accept, cost=estimate.cost,
                 ratio=estimate.cost / record.bound if record.bound > 0 else NAN,
                 violation=record.worst / settings.accept, build=build, solve=solve, memory=memory)  # fmt: skip
 
 
 def _row(
-    formulation: str, solver: str, cone: str, size: str, claimed: bool, holds: bool, *, cost: float = NAN,
+    formulation: str, solver: str, cone: FrictionCone, size: str, claimed: bool, holds: bool, *, cost: float = NAN,
     ratio: float = NAN, violation: float = NAN, residual: float = NAN, build: float = NAN, solve: float = NAN,
     memory: float = NAN,
 ) -> Row:  # fmt: skip

@@ -25,7 +25,7 @@ from drakeplan.campaigns.label_walk import Label, LabelWalk, WalkOptions
 from drakeplan.campaigns.tilted_environment import GROUNDS, TiltedEnvironment, draw_environment
 from learning.transition_features import CATEGORIES, NUM_CATEGORIES
 from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
-from optimization.balance.friction import DEFAULT_CONE
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -48,7 +48,7 @@ class DynamicsCampaign:
 
     robot: str = "escher"
     friction: float = 0.5
-    cone: str = DEFAULT_CONE
+    cone: FrictionCone = DEFAULT_CONE
     walk: WalkOptions = field(default_factory=WalkOptions)
 
     @property

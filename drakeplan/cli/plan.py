@@ -178,6 +178,7 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
 def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
     from drakeplan.query.options import PlanOptions, check_options
     from drakeplan.timing.step_timing import Timing
+    from optimization.balance.friction import FrictionCone
 
     options = PlanOptions(
         seed=arguments.seed,
@@ -185,7 +186,7 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         goal=_in_radians(arguments.goal),
         goal_radius=arguments.goal_radius,
         friction=arguments.friction,
-        cone=arguments.cone,
+        cone=FrictionCone(arguments.cone),
         planner=arguments.planner,
         dynamics=arguments.dynamics,
         timing=Timing(arguments.shift, arguments.swing, arguments.free_timing),

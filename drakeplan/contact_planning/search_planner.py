@@ -20,6 +20,7 @@ from drakeplan.contact_planning.window_domain import GREED, WINDOW, HindsightDom
 from drakeplan.search.ana_star import AnaStar, Domain, Limits
 from drakeplan.timing.step_timing import Timing
 from learning.surrogate import DynamicsSurrogate, load_surrogate
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.window_dynamics import TailDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
@@ -36,7 +37,7 @@ class ContactPlannerOptions:
     """How to search.
 
     Attributes:
-        cone: friction cone by name (DESIGN: inner, square, second_order, diamond).
+        cone: friction cone (DESIGN: inner, square, second_order, diamond).
         heuristic: "grid" (6.7), "euclidean" (3.3) or "admissible".
         weights: of the edge cost (3.2).
         epsilon: probability of a random expansion (Lin 2020 sec. 6.4).
@@ -52,7 +53,7 @@ class ContactPlannerOptions:
         dynamic_weights: of the edge cost (6.6), where transitions are judged by their dynamics.
     """
 
-    cone: str = "inner"
+    cone: FrictionCone = DEFAULT_CONE
     heuristic: HeuristicName = "grid"
     weights: PlannerWeights = field(default_factory=PlannerWeights)
     epsilon: float = 0.1
@@ -64,6 +65,9 @@ class ContactPlannerOptions:
     surrogate: DynamicsSurrogate | None = None
     ask_when_far: bool = True
     dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
 
 
 @dataclass(frozen=True)

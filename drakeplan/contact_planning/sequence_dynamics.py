@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drakeplan.timing.step_timing import Timing
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.problem import CentroidalProblem
@@ -41,14 +42,14 @@ def sequence_problem(robot: Robot, stances: Sequence[Stance], timing: Timing | N
 
 
 def sequence_dynamics(
-    robot: Robot, stances: Sequence[Stance], cone: str, timing: Timing | None = None
+    robot: Robot, stances: Sequence[Stance], cone: FrictionCone, timing: Timing | None = None
 ) -> CentroidalEstimate:
     """The least-effort dynamics of a contact sequence, from rest to rest (Lin 2020 sec. 6.3).
 
     Args:
         robot: mass, patches and limits.
         stances: consecutive ones differ in one end effector.
-        cone: friction cone by name.
+        cone: friction cone.
         timing: of every transition, by default the documents'.
     """
     timing = timing or Timing()

@@ -13,7 +13,7 @@ import copy
 import numpy as np
 
 from drakeplan.contact_planning.contact_pool import ContactPool, Held
-from optimization.balance.friction import cone_generators, cone_index, frame_stands_alone
+from optimization.balance.friction import FrictionCone, cone_generators, frame_stands_alone
 from optimization.balance.static_equilibrium import com_polygon
 from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
 from optimization.multibody.terrain_clearance import limbs, penetration
@@ -31,11 +31,13 @@ LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion
 class TransitionCheck:
     """Answers for one robot on one terrain, cached by contact numbers."""
 
-    def __init__(self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: str) -> None:
+    def __init__(
+        self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: FrictionCone
+    ) -> None:
         self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
         self._careful_ik = _with_reserve(ik)
         self._limbs = limbs(ik.model.tree, ik.model.capsules)
-        self._cone_index = cone_index(cone)
+        self._cone_code = cone.code
         self._ik_options = IkOptions(restarts=0)
         self._half = np.array([e.half_extent for e in robot.effectors])
         self._limit = np.array(robot.force_limit, float)
@@ -51,7 +53,7 @@ class TransitionCheck:
         """Whether a single contact can carry the weight at all: gravity lies inside its friction cone."""
         answer = self._alone.get(number)
         if answer is None:
-            answer = frame_stands_alone(self._cone_index, self.pool.friction(number), self.pool.R[number])
+            answer = frame_stands_alone(self._cone_code, self.pool.friction(number), self.pool.R[number])
             self._alone[number] = answer
         return answer
 

@@ -34,6 +34,7 @@ from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import read_plan, write_plan
 from drakeplan.progress import ProgressEvent
 from drakeplan.verifier import Report, verify
+from optimization.balance.friction import FrictionCone
 from optimization.elastic_strip.problem import CONTACT, StripEstimate, StripOptions
 from optimization.elastic_strip.program import ElasticStrip
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -156,7 +157,8 @@ class _Deformation:
         self.ik = WholeBodyIK(robot)
         warm_up(robot, self.ik)
         self.packed: PackedTerrain = pack_terrain(scene.terrain)
-        self.strip_options = replace(options.strip, cone=plan.friction_cone)
+        self.cone = FrictionCone(plan.friction_cone)
+        self.strip_options = replace(options.strip, cone=self.cone)
         self.sampling = Sampling(options.per_phase, options.furthest, options.strip.turn)
         self.planned = planned_contacts(plan)
         self.penalty: list[dict[int, float]] = [{} for _ in self.planned]
@@ -187,7 +189,7 @@ class _Deformation:
         began, alone = time.process_time(), stands_alone(self.plan)
         self.choices = []
         for c, contact in enumerate(self.planned):
-            cone = self.plan.friction_cone if alone[c] else None
+            cone = self.cone if alone[c] else None
             self.choices.append(contact_choices(contact, self.robot, self.packed, self.sampling, cone))
             if not len(self.choices[c]):
                 self._spend("regions_s", began)
@@ -251,8 +253,8 @@ class _Deformation:
 
     def _move(self, stances: list[Stance]) -> MotionResult:
         if self._maker is None:
-            cone = self.plan.friction_cone
-            self._maker = MotionMaker(self.robot, self.scene.terrain, MotionOptions(cone=cone), ik=self.ik)
+            options = MotionOptions(cone=self.cone)
+            self._maker = MotionMaker(self.robot, self.scene.terrain, options, ik=self.ik)
         motion = self._maker.run(stances, self.tell)
         for key in ("dynamics_s", "motion_s"):
             self.report[key] += motion.timings.get(key, 0.0)
@@ -270,8 +272,7 @@ class _Deformation:
 
     def _assemble(self, stances: list[Stance], motion: MotionResult | None) -> Plan:
         provenance = {"deformed_from": self.plan.scene_name, "deformation": dict(self.report)}
-        cone = self.plan.friction_cone
-        return assemble_plan(self.scene, self.robot, stances, motion, cone=cone, provenance=provenance)
+        return assemble_plan(self.scene, self.robot, stances, motion, cone=self.cone, provenance=provenance)
 
     def _result(
         self, status: Literal["contacts"], reason: str, stances: list[Stance], motion: MotionResult | None,

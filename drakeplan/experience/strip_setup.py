@@ -9,7 +9,7 @@ import numpy as np
 
 from drakeplan.plan.plan import Plan, PlanMotion, PlanPhases
 from optimization.balance.balance_regions import BalancePolygons
-from optimization.balance.friction import cone_index, frame_stands_alone
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone, frame_stands_alone
 from optimization.balance.static_equilibrium import polygon_margin
 from optimization.elastic_strip.check import contact_heading
 from optimization.elastic_strip.problem import Gathering, StripProblem
@@ -56,7 +56,7 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     none = np.zeros(len(model.capsules.link), np.int64)
     linearise(model.tree, model.capsules, packed, none, q, np.ones((1, 4), bool), 0.0, 0.0, rows)
     sole = Contact("left_foot", 0, np.eye(4), 0.5)
-    polygon = BalancePolygons(robot, [sole], "inner")(np.array([0, -1, -1, -1]))
+    polygon = BalancePolygons(robot, [sole], DEFAULT_CONE)(np.array([0, -1, -1, -1]))
     polygon_margin(polygon, len(polygon), 0.0, 0.0)
 
 
@@ -92,12 +92,12 @@ def stands_alone(plan: Plan) -> np.ndarray:
 
 
 def contact_choices(
-    contact: Contact, robot: Robot, packed: PackedTerrain, sampling: Sampling, cone: str | None
+    contact: Contact, robot: Robot, packed: PackedTerrain, sampling: Sampling, cone: FrictionCone | None
 ) -> ContactRegions:
     """Circles within reach that this contact could move to, with its heading, sorted by surface.
 
     Args:
-        cone: friction cone by name where the contact must carry the robot alone, which steep surfaces do not let it;
+        cone: friction cone where the contact must carry the robot alone, which steep surfaces do not let it;
             None where it need not.
     """
     spec = next(e for e in robot.effectors if e.name == contact.effector)
@@ -115,10 +115,10 @@ def contact_choices(
     return regions.where(regions.distance(contact.X_WC) <= sampling.furthest)
 
 
-def _carries_alone(contact: Contact, packed: PackedTerrain, surface: int, cone: str) -> bool:
+def _carries_alone(contact: Contact, packed: PackedTerrain, surface: int, cone: FrictionCone) -> bool:
     """Whether gravity lies in the friction cone there, with some to spare: the contact may turn a little yet."""
     R_WC = contact_rotation(contact.effector, packed.normal[surface], contact.heading)
-    return frame_stands_alone(cone_index(cone), FRICTION_SHARE * float(packed.friction[surface]), R_WC)
+    return frame_stands_alone(cone.code, FRICTION_SHARE * float(packed.friction[surface]), R_WC)
 
 
 def choose_region(

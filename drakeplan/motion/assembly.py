@@ -11,6 +11,7 @@ import numpy as np
 
 from drakeplan.motion.maker import MotionResult
 from drakeplan.plan.plan import Plan, PlanCentroidal, PlanMotion, PlanPhases, tabulate_stances
+from optimization.balance.friction import FrictionCone
 from scenes.files.scene_file import scene_to_yaml
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
@@ -25,7 +26,7 @@ def assemble_plan(
     stances: Sequence[Stance],
     motion: MotionResult | None,
     *,
-    cone: str,
+    cone: FrictionCone,
     provenance: Mapping[str, object],
 ) -> Plan:
     """The plan of a contact sequence, complete where there is a motion with dynamics.
@@ -35,7 +36,7 @@ def assemble_plan(
         robot: who moves.
         stances: the contact sequence.
         motion: None for the contacts alone.
-        cone: friction cone by name.
+        cone: friction cone.
         provenance: what made it; versions are added.
     """
     contacts, table = tabulate_stances(stances)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from drakeplan.timing.phases import Schedule
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import CentroidalOptions, CentroidalWeights
 from optimization.centroidal.problem import CentroidalProblem
@@ -22,7 +23,7 @@ WEIGHTS = CentroidalWeights(com_tracking=2e4)
 BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
 
 
-def centroidal_options(robot: Robot, cone: str, dt: float) -> CentroidalOptions:
+def centroidal_options(robot: Robot, cone: FrictionCone, dt: float) -> CentroidalOptions:
     """The limits of a robot as options of the centroidal program."""
     # The last key posture says where the CoM ends.
     return replace(CentroidalOptions.for_robot(robot, cone), dt=dt, weights=WEIGHTS, final_half_width=None)
@@ -70,7 +71,7 @@ class SequenceDynamics:
         contacts: which of them may carry load when.
     """
 
-    def __init__(self, robot: Robot, schedule: Schedule, cone: str, dt: float) -> None:
+    def __init__(self, robot: Robot, schedule: Schedule, cone: FrictionCone, dt: float) -> None:
         """`dt` [s] must divide every phase."""
         self._robot, self._usual = robot, centroidal_options(robot, cone, dt)
         t = schedule.times(dt)

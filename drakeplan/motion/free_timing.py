@@ -8,6 +8,7 @@ import numpy as np
 
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.phases import Schedule, make_schedule
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
@@ -24,14 +25,14 @@ WORTH = 0.02  # relative decrease that is worth another step: durations are roun
 
 
 def free_durations(
-    robot: Robot, schedule: Schedule, cone: str, dt: float, bounds: tuple[float, float]
+    robot: Robot, schedule: Schedule, cone: FrictionCone, dt: float, bounds: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Durations with which the momenta of a contact sequence take the least effort.
 
     Args:
         robot: mass, patches and limits.
         schedule: contacts with the durations to start from, multiples of `dt`.
-        cone: friction cone by name.
+        cone: friction cone.
         dt: knots' distance, whose multiples the durations are rounded to [s].
         bounds: least and greatest durations, as factors of the given ones; swings get no shorter.
 
@@ -66,7 +67,7 @@ def round_to_grid(durations: np.ndarray, step: float, total: float) -> np.ndarra
     return np.round(steps * step, 9)
 
 
-def effort(robot: Robot, schedule: Schedule, cone: str, trajectory: CentroidalTrajectory) -> float:
+def effort(robot: Robot, schedule: Schedule, cone: FrictionCone, trajectory: CentroidalTrajectory) -> float:
     """The documents' objective of a trajectory over these contacts (Lin 2020 sec. 6.3), with no reference to pull it."""
     program = CentroidalProgram(_problem(robot, schedule, trajectory.t), _options(robot, cone))
     return whole_cost(program, trajectory)
@@ -97,5 +98,5 @@ def _problem(robot: Robot, schedule: Schedule, t: np.ndarray) -> CentroidalProbl
     return CentroidalProblem(contacts, robot.mass, robot.half_extents, start)
 
 
-def _options(robot: Robot, cone: str) -> CentroidalOptions:
+def _options(robot: Robot, cone: FrictionCone) -> CentroidalOptions:
     return replace(transition_options(robot, cone), rest_at_end=True)

@@ -20,7 +20,7 @@ from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.motion.separation import Room, apart
 from drakeplan.motion.swing import SwingCurve
 from drakeplan.timing.phases import MOVE, Schedule
-from optimization.balance.friction import cone_generators
+from optimization.balance.friction import FrictionCone, cone_generators
 from optimization.balance.static_equilibrium import com_polygon
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
@@ -69,7 +69,7 @@ class KeyPostures:
 class BalanceRegions:
     """Balance polygons of sets of contacts, each worked out once."""
 
-    def __init__(self, robot: Robot, cone: str) -> None:
+    def __init__(self, robot: Robot, cone: FrictionCone) -> None:
         self._robot, self._cone = robot, cone
         self._known: dict[tuple[Contact, ...], np.ndarray] = {}
 

@@ -23,6 +23,7 @@ from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.timing.phases import Schedule, make_schedule
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.joint_torques import motion_torques
@@ -46,7 +47,7 @@ class MotionOptions:
     """What a user may choose about dynamics and motion.
 
     Attributes:
-        cone: friction cone by name.
+        cone: friction cone.
         dt: step of the momentum trajectory [s].
         shift: time to shift the CoM before each swing [s] (Lin 2020 sec. 6.7).
         swing: time to move an end effector [s].
@@ -59,7 +60,7 @@ class MotionOptions:
         feedback: whether dynamics and motion are made to agree; without, each motion follows the CoM alone.
     """
 
-    cone: str = "inner"
+    cone: FrictionCone = DEFAULT_CONE
     dt: float = 0.2
     shift: float = 1.0
     swing: float = 1.0
@@ -70,6 +71,9 @@ class MotionOptions:
     rounds: int = 4
     attempts: int = 3
     feedback: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from drakeplan.timing.step_timing import Timing
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 
@@ -28,7 +29,7 @@ class PlanOptions:
         goal: the same for the goal.
         goal_radius: replaces the goal's.
         friction: replaces every friction in the scene.
-        cone: friction cone by name.
+        cone: friction cone.
         planner: by name: "search", or a mixed-integer program ("footsteps", "contacts") or a graph of convex sets ("gcs").
         dynamics: what every transition must satisfy: "quasi-static" balance, the centroidal program ("exact"), or what
             has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
@@ -48,7 +49,7 @@ class PlanOptions:
     goal: tuple[float, ...] | None = None
     goal_radius: float | None = None
     friction: float | None = None
-    cone: str = "inner"
+    cone: FrictionCone = DEFAULT_CONE
     planner: str = "search"
     dynamics: str | None = None
     timing: Timing = field(default_factory=Timing)
@@ -60,6 +61,9 @@ class PlanOptions:
     expansions: int | None = None
     stop: Callable[[], bool] | None = None
     command: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
 
 
 def with_options(scene: Scene, options: PlanOptions) -> Scene:

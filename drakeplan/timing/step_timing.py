@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.transition_dynamics import transition_options
 from scenes.input_error import InputError
@@ -46,7 +47,7 @@ class Timing:
         """Whether it is the documents', which surrogates have learned."""
         return (self.shift, self.swing) == (1.0, 1.0)
 
-    def options(self, robot: Robot, cone: str, *, rest_at_end: bool = False) -> CentroidalOptions:
+    def options(self, robot: Robot, cone: FrictionCone, *, rest_at_end: bool = False) -> CentroidalOptions:
         """The centroidal program's options for this robot, cone and timing."""
         options = transition_options(robot, cone)
         return replace(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from optimization.balance.friction import cone_generators
+from optimization.balance.friction import FrictionCone, cone_generators
 from optimization.balance.static_equilibrium import com_polygon
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
@@ -19,7 +19,7 @@ NARROW = 0.4  # share of the way from the nearest edge of a narrow polygon to it
 class BalancePolygons:
     """Balance polygons of sets of some contacts whose poses change, each worked out once between two changes."""
 
-    def __init__(self, robot: Robot, contacts: Sequence[Contact], cone: str) -> None:
+    def __init__(self, robot: Robot, contacts: Sequence[Contact], cone: FrictionCone) -> None:
         self._which = np.array([EFFECTORS.index(c.effector) for c in contacts], np.int64)
         self._generators = [cone_generators(cone, c.friction) for c in contacts]
         self._half, self._limit = robot.half_extents, robot.force_limit

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimization.balance.friction import cone_rows, corner_points
+from optimization.balance.friction import FrictionCone, cone_rows, corner_points
 
 
 def skew(a: np.ndarray) -> np.ndarray:
@@ -32,7 +32,7 @@ class CornerForces:
     """Four corner forces for each of J contacts.
 
     Args:
-        cone: one of `optimization.balance.friction.CONES`.
+        cone: `optimization.balance.friction.FrictionCone`.
         friction: (J,) coefficients.
         half: (J, 2) half extents of the patches [m].
         arm: moments are written in (unit of force) x arm [m].
@@ -42,7 +42,7 @@ class CornerForces:
         rows: (J, R, 3) faces of the (polyhedral) cone: rows @ f <= 0 for each corner force.
     """
 
-    def __init__(self, cone: str, friction: np.ndarray, half: np.ndarray, arm: float) -> None:
+    def __init__(self, cone: FrictionCone, friction: np.ndarray, half: np.ndarray, arm: float) -> None:
         self.cone, self.friction = cone, friction
         signs = corner_points(np.ones(2))
         corners = signs * np.concatenate([half, np.zeros((len(half), 1))], axis=1)[:, None]

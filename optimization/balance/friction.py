@@ -16,44 +16,64 @@ for rectangular support areas", ICRA.
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
 from scenes.input_error import unknown_name
 
-CONES = ("inner", "square", "second_order", "diamond")
-INNER, SQUARE, SECOND_ORDER, DIAMOND = range(4)  # the same cones for compiled code
-DEFAULT_CONE = "inner"
+INNER, SQUARE, SECOND_ORDER, DIAMOND = range(4)  # the cones for compiled code
+
+
+class FrictionCone(StrEnum):
+    """A friction cone; `FrictionCone("inner")` makes one of its name, and a wrong name raises `InputError`.
+
+    A cone compares equal to its name and is written to files as its name.
+    """
+
+    INNER = "inner"
+    SQUARE = "square"
+    SECOND_ORDER = "second_order"
+    DIAMOND = "diamond"
+
+    @classmethod
+    def _missing_(cls, value: object) -> FrictionCone:
+        raise unknown_name("friction cone", str(value), [cone.value for cone in cls])
+
+    @property
+    def code(self) -> int:
+        """The cone for compiled code: INNER, SQUARE, SECOND_ORDER or DIAMOND of this module."""
+        return _CODES[self]
+
+
+_CODES = {
+    FrictionCone.INNER: INNER,
+    FrictionCone.SQUARE: SQUARE,
+    FrictionCone.SECOND_ORDER: SECOND_ORDER,
+    FrictionCone.DIAMOND: DIAMOND,
+}
+CONES = tuple(FrictionCone)
+DEFAULT_CONE = FrictionCone.INNER  # lies inside the true cone: friction is never optimistic
 
 COS_22, SIN_22 = float(np.cos(np.pi / 8)), float(np.sin(np.pi / 8))
 SQRT2 = float(np.sqrt(2.0))
 
 # Cross-section of each cone at fz = 1, mu = 1: (number of corners, angle of the first one, distance to the corners).
 _SECTION = {
-    "inner": (8, 0.0, 1.0),
-    "square": (4, np.pi / 4, 1.0),
-    "second_order": (16, 0.0, 1.0),
-    "diamond": (4, 0.0, SQRT2),
+    FrictionCone.INNER: (8, 0.0, 1.0),
+    FrictionCone.SQUARE: (4, np.pi / 4, 1.0),
+    FrictionCone.SECOND_ORDER: (16, 0.0, 1.0),
+    FrictionCone.DIAMOND: (4, 0.0, SQRT2),
 }
 
 
-def cone_index(cone: str) -> int:
-    """Index of a cone's name in `CONES`, for compiled code.
-
-    Raises:
-        InputError: no cone has this name.
-    """
-    if cone not in CONES:
-        raise unknown_name("friction cone", cone, CONES)
-    return CONES.index(cone)
-
-
-def cone_generators(cone: str, mu: float) -> np.ndarray:
+def cone_generators(cone: FrictionCone, mu: float) -> np.ndarray:
     """Edges of the (polyhedral) cone: every admissible force is a nonnegative combination of them.
 
     Args:
-        cone: one of `CONES`; `second_order` gives the 16-gon inscribed in the true cone.
+        cone: which cone; `second_order` gives the 16-gon inscribed in the true cone.
         mu: Coulomb coefficient [-], not negative.
 
     Returns:
@@ -68,7 +88,7 @@ def cone_generators(cone: str, mu: float) -> np.ndarray:
     return np.stack([mu * radius * np.cos(angle), mu * radius * np.sin(angle), np.ones(corners)], axis=1)
 
 
-def cone_rows(cone: str, mu: float) -> np.ndarray:
+def cone_rows(cone: FrictionCone, mu: float) -> np.ndarray:
     """Faces of the same cone: a force f in C is admissible when rows @ f <= 0.
 
     A row's tangential part has unit length, so rows @ f is the force [N] that sticks out. The last row is fz >= 0.
@@ -85,11 +105,10 @@ def cone_rows(cone: str, mu: float) -> np.ndarray:
     return np.vstack([rows, [0.0, 0.0, -1.0]])
 
 
-def _section(cone: str, mu: float) -> tuple[int, float, float]:
-    cone_index(cone)
+def _section(cone: FrictionCone, mu: float) -> tuple[int, float, float]:
     if not np.isfinite(mu) or mu < 0:
         raise ValueError(f"friction must be finite and not negative, got {mu}")
-    return _SECTION[cone]
+    return _SECTION[FrictionCone(cone)]
 
 
 @njit(cache=True)
@@ -129,11 +148,11 @@ def excess_many(cone: int, mu: np.ndarray, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def contains(cone: str, mu: ArrayLike, f: ArrayLike, tol: float = 1e-9) -> np.ndarray:
+def contains(cone: FrictionCone, mu: ArrayLike, f: ArrayLike, tol: float = 1e-9) -> np.ndarray:
     """Whether forces lie inside the cone; the true cone for `second_order`.
 
     Args:
-        cone: one of `CONES`.
+        cone: which cone.
         mu: (...) Coulomb coefficients [-], broadcast against f.
         f: (..., 3) forces in C.
         tol: force that may stick out [unit of f].
@@ -143,7 +162,7 @@ def contains(cone: str, mu: ArrayLike, f: ArrayLike, tol: float = 1e-9) -> np.nd
     """
     f = np.asarray(f, float)
     mu = np.ascontiguousarray(np.broadcast_to(np.asarray(mu, float), f.shape[:-1]))
-    out = excess_many(cone_index(cone), mu.ravel(), np.ascontiguousarray(f.reshape(-1, 3)))
+    out = excess_many(FrictionCone(cone).code, mu.ravel(), np.ascontiguousarray(f.reshape(-1, 3)))
     return (out <= tol).reshape(f.shape[:-1])
 
 
@@ -162,7 +181,7 @@ def frames_stand_alone(cone: int, mu: np.ndarray, R_WC: np.ndarray) -> np.ndarra
     return out
 
 
-def stands_alone(cone: str, mu: ArrayLike, R_WC: ArrayLike) -> np.ndarray:
+def stands_alone(cone: FrictionCone, mu: ArrayLike, R_WC: ArrayLike) -> np.ndarray:
     """Whether a single contact can carry a robot at rest, its weight being the only other force.
 
     The contact must push with M g e_z. In C that is M g times the last row of R_WC, so the answer is whether that row
@@ -170,7 +189,7 @@ def stands_alone(cone: str, mu: ArrayLike, R_WC: ArrayLike) -> np.ndarray:
     (except for `second_order`), because the polyhedral cones turn with the frame.
 
     Args:
-        cone: one of `CONES`; the true cone for `second_order`.
+        cone: which cone; the true cone for `second_order`.
         mu: (...) Coulomb coefficients [-].
         R_WC: (..., 3, 3) contact orientations.
 

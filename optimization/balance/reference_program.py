@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.solvers import ClpSolver, MathematicalProgram, SolutionResult
 
-from optimization.balance.friction import DEFAULT_CONE, cone_rows, corner_points
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_rows, corner_points
 from optimization.convex.solver import worst_violation
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
@@ -49,7 +49,7 @@ class StaticEquilibriumProgram:
         origin: (3,) mean of the contact points in W [m].
     """
 
-    def __init__(self, contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> None:
+    def __init__(self, contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> None:
         """Builds the program.
 
         Raises:
@@ -87,7 +87,7 @@ class StaticEquilibriumProgram:
         euler = self.prog.AddLinearEqualityConstraint(rows[3:], np.zeros(3), variables)
         euler.evaluator().set_description("euler")
 
-    def _add_friction_cones(self, cone: str) -> None:
+    def _add_friction_cones(self, cone: FrictionCone) -> None:
         for contact, f in zip(self.contacts, self.f, strict=True):
             rows = cone_rows(cone, contact.friction)
             for k in range(4):

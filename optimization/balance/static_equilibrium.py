@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import njit
 
-from optimization.balance.friction import DEFAULT_CONE, cone_generators
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_generators
 from optimization.balance.patch_simplex import (
     ENTERS,
     MAX_PIVOTS,
@@ -294,7 +294,7 @@ def polygon_margin(polygon: np.ndarray, count: int, x: float, y: float) -> float
     return nearest if inside else -nearest
 
 
-def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> ContactArrays:
+def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactArrays:
     """The arrays of some of a robot's contacts: patches and force limits from the robot, friction from the contacts.
 
     Raises:
@@ -311,13 +311,13 @@ def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAUL
     )
 
 
-def balance_region(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> np.ndarray:
+def balance_region(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> np.ndarray:
     """All points over which the robot's centre of mass can rest while exactly these contacts carry it.
 
     Args:
         contacts: held at once, at most one per end effector.
         robot: gives patch sizes and force limits.
-        cone: one of `optimization.balance.friction.CONES`.
+        cone: `optimization.balance.friction.FrictionCone`.
 
     Returns:
         (V, 2) vertices [m] in W, counter-clockwise; V = 0 nowhere, 1 a point, 2 a segment.
@@ -345,7 +345,7 @@ class CriticalConfiguration:
 
 
 def transition_regions(
-    before: Stance, after: Stance, robot: Robot, cone: str = DEFAULT_CONE
+    before: Stance, after: Stance, robot: Robot, cone: FrictionCone = DEFAULT_CONE
 ) -> tuple[CriticalConfiguration, CriticalConfiguration]:
     """The two critical configurations of a transition (Lin 2020, sec. 3.3).
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optimization.balance.friction import DEFAULT_CONE
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.capture.check import Fault, dynamics_faults, motion_faults, torque_fault
 from optimization.capture.question import CaptureQuestion
 from optimization.capture.state import FittedState, StateFit
@@ -81,7 +81,7 @@ class CaptureOptions:
         return self.dt * np.concatenate([np.ones(fine), np.full((total - fine) // 2, 2.0)])
 
 
-def capture_options(robot: Robot, cone: str = DEFAULT_CONE) -> CaptureOptions:
+def capture_options(robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> CaptureOptions:
     """The documented times with a robot's limits; it must be at rest at the end, wherever its CoM is then."""
     centroidal = replace(
         CentroidalOptions.for_robot(robot, cone), final_half_width=None, rest_at_end=True, tolerance=TOLERANCE

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
@@ -77,7 +78,7 @@ class CentroidalOptions:
     its hips and waist can keep up for a knot.
 
     Attributes:
-        cone: friction cone, one of `optimization.balance.friction.CONES`. `second_order` is exact with solver "clarabel"; with
+        cone: friction cone, `optimization.balance.friction.FrictionCone`. `second_order` is exact with solver "clarabel"; with
             PIQP it is the regular 16-gon inscribed in it, which gives 98 % of the friction at worst.
         dt: length of an interval between knots [s].
         shift_time: time in which the CoM shifts before each transition [s].
@@ -99,7 +100,7 @@ class CentroidalOptions:
             program.
     """
 
-    cone: str = "inner"
+    cone: FrictionCone = DEFAULT_CONE
     dt: float = 0.2
     shift_time: float = 1.0
     swing_time: float = 1.0
@@ -118,7 +119,7 @@ class CentroidalOptions:
     explain: bool = True
 
     @classmethod
-    def for_robot(cls, robot: Robot, cone: str) -> CentroidalOptions:
+    def for_robot(cls, robot: Robot, cone: FrictionCone) -> CentroidalOptions:
         """The defaults with a robot's limits."""
         return cls(
             cone=cone,
@@ -128,6 +129,7 @@ class CentroidalOptions:
         )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
         for name in ("dt", "shift_time", "swing_time", "tolerance", "time_limit"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):

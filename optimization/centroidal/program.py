@@ -15,7 +15,6 @@ import numpy as np
 from pydrake.solvers import MathematicalProgram
 
 from optimization.balance.contact_wrench import CornerForces
-from optimization.balance.friction import cone_index
 from optimization.centroidal.check import violations
 from optimization.centroidal.com_bounds import final_box, height_bounds
 from optimization.centroidal.cost import cost_terms
@@ -89,7 +88,6 @@ class CentroidalProgram:
 
     def __init__(self, problem: CentroidalProblem, options: CentroidalOptions | None = None) -> None:
         self.problem, self.options = problem, options or CentroidalOptions()
-        cone_index(self.options.cone)
         self._read_data()
         self._host = UpdatableProgram()
         self._rows: dict[str, Callable[[], Rows]] = {}

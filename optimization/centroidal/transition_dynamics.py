@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from optimization.balance.friction import DEFAULT_CONE
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import CentroidalOptions
@@ -21,7 +21,7 @@ from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 
-def transition_options(robot: Robot, cone: str = DEFAULT_CONE) -> CentroidalOptions:
+def transition_options(robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> CentroidalOptions:
     """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible."""
     return replace(CentroidalOptions.for_robot(robot, cone), rest_at_end=False, explain=False)
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from optimization.balance.friction import cone_rows
+from optimization.balance.friction import FrictionCone, cone_rows
 from optimization.contact_programs.contact_choice import Place, given_place
 from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.contact_programs.footstep_program import FootstepProgram
@@ -40,7 +40,7 @@ class ContactDynamicsOptions:
         dt: time step [s].
         shift: time with all contacts before each move [s] (Lin et al. 2019 sec. VIII).
         swing: time of each move [s].
-        cone: friction cone by name; the square is inside the true one and has the fewest faces.
+        cone: friction cone; the square is inside the true one and has the fewest faces.
         moment: bound on each component of the angular momentum's rate [M g m].
         speed: bound on each component of the CoM's velocity [m/s].
         acceleration, velocity, rate, force: weights of their squares; `tight` that of the products' bounds.
@@ -49,7 +49,7 @@ class ContactDynamicsOptions:
     dt: float = 0.5
     shift: float = 1.0
     swing: float = 1.0
-    cone: str = "square"
+    cone: FrictionCone = FrictionCone.SQUARE
     moment: float = 0.1
     speed: float = 1.5
     acceleration: float = 0.02
@@ -59,6 +59,7 @@ class ContactDynamicsOptions:
     tight: float = 0.05
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
         for key in ("dt", "shift", "swing", "moment", "speed"):
             value = getattr(self, key)
             if not (np.isfinite(value) and value > 0):

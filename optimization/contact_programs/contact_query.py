@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.contact_programs.step_reach import StepReach
 from optimization.mixed_integer.solver import MixedIntegerRecord
 from scenes.contact import Contact
@@ -30,7 +31,7 @@ class ContactQuery:
         start: the first stance, both feet held.
         goal: where the mean of the feet ends.
         reach: of steps and palms.
-        cone: friction cone by name.
+        cone: friction cone.
         narrowed: by surfaces of left and right foot: the share of the reach that is left while the feet stand on these,
             because stances at its edge have failed a stricter check; 0 bars the pair.
 
@@ -43,10 +44,11 @@ class ContactQuery:
     start: Stance
     goal: Goal
     reach: StepReach
-    cone: str = "inner"
+    cone: FrictionCone = DEFAULT_CONE
     narrowed: Mapping[tuple[int, int], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
         if self.start.contacts[0] is None or self.start.contacts[1] is None:
             raise InputError("mixed-integer planner: start: expected both feet on the ground")
         if not np.isfinite([*self.goal.xyz[:2], self.goal.radius]).all() or self.goal.radius <= 0:

@@ -17,7 +17,7 @@ import numpy as np
 from pydrake.solvers import MathematicalProgram
 from pydrake.symbolic import Expression
 
-from optimization.balance.friction import cone_index, frame_stands_alone, stands_alone
+from optimization.balance.friction import frame_stands_alone, stands_alone
 from optimization.contact_programs.contact_choice import Place, add_place, given_place, reachable, within
 from optimization.contact_programs.contact_query import (
     GOAL_YAW_TOLERANCE,
@@ -184,7 +184,7 @@ class FootstepProgram:
         """While a foot swings, some palm is held if the other foot alone could not carry the weight at rest."""
         if not (self._standing and self.options.palms):
             return
-        cone = cone_index(self.query.cone)
+        cone = self.query.cone.code
 
         def steep(friction: float, R_WC: np.ndarray) -> bool:
             return not frame_stands_alone(cone, friction, np.ascontiguousarray(R_WC))

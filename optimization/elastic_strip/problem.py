@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.contact import Contact
 from scenes.footholds.contact_regions import ContactRegions
 from scenes.input_error import InputError
@@ -94,7 +95,7 @@ class StripOptions:
     """How a strip is deformed.
 
     Attributes:
-        cone: friction cone by name.
+        cone: friction cone.
         max_iterations: convex programs at most.
         time_limit: processor time after which no further one is begun [s]; wall time on a machine that is not busy.
         trust: greatest change of a joint or the base in one iteration [rad, m].
@@ -114,7 +115,7 @@ class StripOptions:
         solver: see `optimization.convex.solver.SOLVERS`.
     """
 
-    cone: str = "inner"
+    cone: FrictionCone = DEFAULT_CONE
     max_iterations: int = 25
     time_limit: float = 4.0
     trust: float = 0.25
@@ -132,6 +133,7 @@ class StripOptions:
     solver: str = "auto"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
         for key, value in vars(self).items():
             if isinstance(value, int | float) and not (np.isfinite(value) and value >= 0):
                 raise InputError(f"elastic strip: {key} must be finite and not negative, got {value}")

@@ -19,13 +19,14 @@ from drakeplan.bench.lin2019.queries import (
     planner_options,
 )
 from drakeplan.bench.table import BenchTable
+from optimization.balance.friction import FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
 
 CROSSINGS = (  # scene, friction cone and who plans; the dynamics under the diamond have not been learned
-    ("wide_gap", "inner", (QUASI_STATIC, LEARNED, LAZY)),
-    ("steep_slope", "diamond", (QUASI_STATIC, LAZY)),
+    ("wide_gap", FrictionCone.INNER, (QUASI_STATIC, LEARNED, LAZY)),
+    ("steep_slope", FrictionCone.DIAMOND, (QUASI_STATIC, LAZY)),
 )
 SECONDS = 1.0  # [s] of search, or until the first sequence
 # First sequence [s], dynamics of the one that is shown [s], its contacts; the slope's took 10.617 s to find.
@@ -56,14 +57,14 @@ def table(robot: Robot, ik: WholeBodyIK, kept: KeptCases, tell: Callable[[str], 
     return BenchTable("lin2019_crossings", title, columns, tuple(rows), NOTES, bench="lin2019")
 
 
-def _cross(robot: Robot, ik: WholeBodyIK, scene: str, cone: str, planner: str) -> Case:
+def _cross(robot: Robot, ik: WholeBodyIK, scene: str, cone: FrictionCone, planner: str) -> Case:
     options = planner_options(planner, 0, robot, cone)
     trials = run_query(load_scene(scene, seed=0), robot, ik, options, seconds=SECONDS, deadline=DEADLINE)
     found = trials.within(np.inf)
     return {"outcome": asdict(found), "program_s": trials.last_program_s, "why": trials.why}
 
 
-def _row(scene: str, cone: str, planner: str, found: QueryOutcome, program_s: float) -> tuple[object, ...]:
+def _row(scene: str, cone: FrictionCone, planner: str, found: QueryOutcome, program_s: float) -> tuple[object, ...]:
     contacts = found.transitions + 2 if found.feasible else ""
     return (scene, cone, planner, found.found, found.first_s, "yes" if found.feasible else "no", program_s, contacts,
             found.objective)  # fmt: skip

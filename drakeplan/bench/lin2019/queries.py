@@ -18,7 +18,7 @@ from drakeplan.bench.kept_cases import Case, KeptCases
 from drakeplan.contact_planning.search_planner import ContactPlannerOptions
 from drakeplan.contact_planning.warm_up import warm_up
 from learning.surrogate import DynamicsSurrogate, load_surrogate
-from optimization.balance.friction import DEFAULT_CONE
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
@@ -75,7 +75,7 @@ def all_queries(
     return queries
 
 
-def planner_options(planner: str, seed: int, robot: Robot, cone: str = DEFAULT_CONE) -> ContactPlannerOptions:
+def planner_options(planner: str, seed: int, robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactPlannerOptions:
     """How each of `PLANNERS` searches.
 
     Without calibration nothing tells the planner where not to trust its networks either. "Every branch" is as documented: a

@@ -20,6 +20,7 @@ import numpy as np
 from pydrake.solvers import LorentzConeConstraint
 from scipy.spatial.transform import Rotation
 
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions, CentroidalWeights
 from optimization.centroidal.problem import CentroidalProblem
@@ -30,7 +31,7 @@ from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 
 LETTERS = ("lf", "rf", "lh", "rh")  # the file's names of our end effectors, in our order
-CONES = {"LinearCone": "diamond", "SocCone": "second_order"}
+CONES = {"LinearCone": FrictionCone.DIAMOND, "SocCone": FrictionCone.SECOND_ORDER}
 FREE = (math.inf, math.inf, math.inf)
 TOLERANCE = 1e-6
 

@@ -19,6 +19,7 @@ from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.search.ana_star import Limits
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.transition_dynamics import TransitionDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import load_robot
@@ -55,7 +56,7 @@ class Cheap:
 def domain(ik: WholeBodyIK, evaluator=None, weights: DynamicWeights | None = None):
     packed = pack_terrain(SCENE.terrain)
     pool = ContactPool(packed)
-    check = TransitionCheck(pool, ROBOT, ik, packed, "inner")
+    check = TransitionCheck(pool, ROBOT, ik, packed, FrictionCone.INNER)
     model = transition_model("training")
     contacts = ContactDomain(packed, ROBOT, SCENE.goal, model, check, PlannerWeights(), "grid", True, False)
     dynamic = DynamicDomain(contacts, evaluator or ExactDynamics(pool, ROBOT), weights)

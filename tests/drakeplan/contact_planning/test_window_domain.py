@@ -11,7 +11,7 @@ from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequ
 from drakeplan.contact_planning.window_domain import HindsightDomain
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
-from optimization.balance.friction import cone_index, frame_stands_alone
+from optimization.balance.friction import FrictionCone, frame_stands_alone
 from optimization.centroidal.window_dynamics import TailDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import slippery_slope
@@ -128,7 +128,7 @@ def test_the_search_finds_a_way_down_a_slope_that_holds_nobody_and_no_foot_slips
     plan = next(found.plans(Limits(expansions=60)))
     on_it = [c for stance in plan.stances for c in stance.held if c.surface == 1]
     assert on_it
-    assert not any(frame_stands_alone(cone_index("second_order"), 0.5, c.R_WC) for c in on_it)
+    assert not any(frame_stands_alone(FrictionCone.SECOND_ORDER.code, 0.5, c.R_WC) for c in on_it)
     assert any(all(c.surface == 1 for c in stance.held) for stance in plan.stances)
     estimate = sequence_dynamics(ROBOT, plan.stances, "inner", timing)
     assert estimate.feasible, estimate.reason

@@ -20,6 +20,7 @@ from drakeplan.experience.strip_setup import (
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.verifier import verify
+from optimization.balance.friction import FrictionCone
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS
 from scenes.files.scene_file import scene_from_yaml
@@ -148,7 +149,7 @@ def test_a_penalty_sends_a_contact_to_the_next_surface() -> None:
         terrain_from([level_plate("low", (-1, 1), (-1, 1)), level_plate("high", (-1, 1), (0.2, 1), z=0.1)])
     )
     contact = Contact("left_foot", 0, contact_pose("left_foot", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0), 0.5)
-    regions = contact_choices(contact, load_robot("escher"), packed, SAMPLING, "inner")
+    regions = contact_choices(contact, load_robot("escher"), packed, SAMPLING, FrictionCone.INNER)
     near, _ = choose_region(contact, regions, packed, {})
     far, own = choose_region(contact, regions, packed, {0: 0.3})
     assert (near.surface, far.surface, set(own.surface)) == (0, 1, {1})

@@ -15,7 +15,7 @@ from drakeplan.motion.maker import MotionMaker, MotionOptions
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.timing.step_timing import Timing
 from drakeplan.verifier import verify
-from optimization.balance.friction import cone_index, frame_stands_alone
+from optimization.balance.friction import FrictionCone, frame_stands_alone
 from scenes.contact import Contact
 from scenes.library import steep_slope
 from scenes.robots.robot import load_robot
@@ -56,7 +56,7 @@ def walk(tilt: float = TILT, step: float = STEP) -> list[Stance]:
 
 def test_nobody_stands_on_that_slope() -> None:
     for cone in ("inner", "second_order"):
-        assert not frame_stands_alone(cone_index(cone), 0.5, foot(0, 0.9).R_WC)
+        assert not frame_stands_alone(FrictionCone(cone).code, 0.5, foot(0, 0.9).R_WC)
 
 
 def test_the_guide_passes_through_key_postures_and_keeps_its_shape_between() -> None:

@@ -8,8 +8,8 @@ from scipy.optimize import linprog
 
 from optimization.balance.friction import (
     CONES,
+    FrictionCone,
     cone_generators,
-    cone_index,
     cone_rows,
     contains,
     corner_points,
@@ -101,7 +101,7 @@ def test_contains_broadcasts_friction_over_forces():
 
 def test_unknown_cone_is_named_with_its_neighbours():
     with pytest.raises(InputError, match="second_order"):
-        cone_index("second")
+        FrictionCone("second")
     with pytest.raises(ValueError, match="friction"):
         cone_generators("inner", -0.1)
 
