@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from drakeplan.plan.plan_file import inspect_plan, read_plan, write_plan
     from drakeplan.playback import show_plan, write_page
     from drakeplan.query.options import PlanOptions
-    from drakeplan.query.planning import PlanResult, plan_scene
+    from drakeplan.query.planning import plan_scene
+    from drakeplan.query.result import PlanResult
     from drakeplan.verifier import Report, verify
     from scenes.files.scene_source import list_scenes, load_scene
     from scenes.input_error import InputError
@@ -64,7 +65,8 @@ _HOMES = {
     "drakeplan.plan.plan": ("Plan",),
     "drakeplan.plan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
     "drakeplan.query.options": ("PlanOptions",),
-    "drakeplan.query.planning": ("PlanResult", "plan_scene"),
+    "drakeplan.query.planning": ("plan_scene",),
+    "drakeplan.query.result": ("PlanResult",),
     "drakeplan.playback": ("show_plan", "write_page"),
     "drakeplan.verifier": ("Report", "verify"),
     "scenes.input_error": ("InputError",),

@@ -82,3 +82,10 @@ def contact_pose(effector: str, point: np.ndarray, normal: np.ndarray, heading: 
     X_WC[:3, :3] = contact_rotation(effector, np.asarray(normal, float), heading)
     X_WC[:3, 3] = point
     return X_WC
+
+
+def contact_heading(X_WC: np.ndarray) -> float:
+    """The heading whose projection on the contact's plane is its x axis [rad]; the inverse of `contact_rotation`."""
+    x, n = X_WC[:3, 0], X_WC[:3, 2]
+    level = x - (x[2] / n[2]) * n if abs(n[2]) > 1e-9 else x
+    return float(np.arctan2(level[1], level[0]))

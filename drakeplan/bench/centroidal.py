@@ -24,6 +24,7 @@ from optimization.centroidal.program import CentroidalProgram
 from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
 from optimization.convex import piqp_adapter
 from scenes.contact import Contact, contact_pose
+from scenes.footholds.start_stance import standing_com
 from scenes.robots.robot import Robot, load_robot
 from scenes.stance import Stance
 
@@ -203,7 +204,7 @@ def sequence_problem(robot: Robot, stances: list[Stance], options: CentroidalOpt
     schedule = ContactSchedule.from_stances(
         stances, dt=options.dt, shift_time=options.shift_time, swing_time=options.swing_time
     )
-    start = stances[0].feet_mean() + robot.com_height[1] * UP
+    start = standing_com(robot, stances[0])
     return CentroidalProblem(schedule, robot.mass, robot.half_extents, start)
 
 

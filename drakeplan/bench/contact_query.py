@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drakeplan.bench.robustness import COLUMNS, robustness_sums
-from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner, SearchSettings
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from optimization.balance.friction import FrictionCone
 from optimization.centroidal.estimate import CentroidalEstimate
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
-from scenes.scene import Scene
 from scenes.transition_model import transition_model
 
 NOTHING = float("nan")
@@ -126,11 +126,25 @@ def _predicted(plan: ContactPlan) -> float:
 
 
 def run_query(
-    scene: Scene, robot: Robot, ik: WholeBodyIK, options: ContactPlannerOptions, *, seconds: float, deadline: float
+    context: QueryContext,
+    options: PlannerOptions,
+    settings: SearchSettings | None = None,
+    *,
+    seconds: float,
+    deadline: float,
 ) -> SequenceTrials:
-    """Searches for so many seconds; where there is no sequence by then, on until the first or the deadline [s]."""
+    """Searches for so many seconds; where there is no sequence by then, on until the first or the deadline.
+
+    Args:
+        context: scene, robot and cone; the terrain is packed within the clock where nobody did that before.
+        options: what is asked of any planner; the transition model is the scene's.
+        settings: of the search.
+        seconds: of search [s].
+        deadline: most seconds until the first sequence [s].
+    """
     began, cpu = time.perf_counter(), time.process_time()
-    planner = ContactPlanner(scene, robot, ik, options, transition_model(scene.transition_model or "experiments"))
+    model = transition_model(context.scene.transition_model or "experiments")
+    planner = SearchPlanner(context, replace(options, model=model), settings)
     plans: list[ContactPlan] = []
 
     def enough() -> bool:
@@ -139,5 +153,5 @@ def run_query(
     for plan in planner.plans(Limits(deadline=deadline, stop=enough)):
         plans.append(plan)
     busy = (time.process_time() - cpu) / (time.perf_counter() - began)
-    asked = dict(planner.dynamic.evaluator.asked) if planner.dynamic is not None else {}
-    return SequenceTrials(robot, options.cone, plans, "" if plans else planner.why_not(), asked, busy)
+    asked, why = dict(planner.counts().transitions_judged), "" if plans else planner.why_not()
+    return SequenceTrials(context.robot, context.cone, plans, why, asked, busy)

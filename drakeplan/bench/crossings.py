@@ -8,24 +8,24 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tempfile
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlanner, ContactPlannerOptions, DynamicsName
+from drakeplan.contact_planning.contact_plan import ContactPlan, DynamicsName, PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
 from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.context import QueryContext
 from drakeplan.motion.assembly import assemble_plan
-from drakeplan.motion.course_dynamics import Guide
+from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions
-from drakeplan.plan.plan_file import write_plan
+from drakeplan.plan.plan import tabulate_stances
+from drakeplan.plan.verified import verify_plan
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
-from drakeplan.verifier import verify
 from optimization.balance.friction import FrictionCone
 from optimization.balance.static_equilibrium import balance_region
 from optimization.centroidal.estimate import CentroidalEstimate
@@ -59,7 +59,7 @@ class Crossing:
     Attributes:
         scene: what to cross.
         name: of it in the table.
-        dynamics: as for `ContactPlannerOptions`.
+        dynamics: as for `PlannerOptions`.
         cone: friction cone.
         timing: of every transition.
         steps: foot transition model, "" for the scene's or the usual one.
@@ -117,18 +117,18 @@ def cross(crossing: Crossing, robot: Robot, ik: WholeBodyIK, deadline: float = D
     began = time.process_time()
     estimate = sequence_dynamics(robot, plan.stances, crossing.cone, timing)
     program_s = time.process_time() - began
-    contacts = 2 + sum(s[s[4]] >= 0 for s in plan.states[1:])
+    contacts = len(tabulate_stances(plan.stances)[0])
     word = _play(crossing, robot, ik, plan, estimate) if estimate.feasible else f"no: {estimate.reason}"
     return (*about, plan.elapsed, asked, contacts, program_s, word)
 
 
 def _search(crossing: Crossing, robot: Robot, ik: WholeBodyIK, deadline: float) -> tuple[ContactPlan | None, int, str]:
     """The first contact sequence, the number of transitions judged by dynamics, and why there is none."""
-    asked = ContactPlannerOptions(cone=crossing.cone, dynamics=crossing.dynamics, timing=crossing.timing)
     model = transition_model(crossing.steps or crossing.scene.transition_model or "experiments")
-    planner = ContactPlanner(crossing.scene, robot, ik, asked, model)
+    asked = PlannerOptions(dynamics=crossing.dynamics, timing=crossing.timing, model=model)
+    planner = SearchPlanner(QueryContext(crossing.scene, robot, ik, crossing.cone), asked)
     plan = next(planner.plans(Limits(deadline=deadline), time.process_time), None)
-    judged = 0 if planner.dynamic is None else sum(planner.dynamic.evaluator.asked.values())
+    judged = sum(planner.counts().transitions_judged.values())
     return plan, judged, "" if plan is not None else planner.why_not()
 
 
@@ -136,24 +136,21 @@ def _play(crossing: Crossing, robot: Robot, ik: WholeBodyIK, plan: ContactPlan, 
     """Whether a motion through these contacts is verified, at rest between steps or else along the CoM's given course."""
     timing, trajectory, scene = crossing.timing, estimate.trajectory, crossing.scene
     assert trajectory is not None  # it is feasible
-    options = MotionOptions(cone=crossing.cone, dt=timing.step or 0.2, shift=timing.shift, swing=timing.swing)
-    maker = MotionMaker(robot, scene.terrain, options, ik=ik)
+    options = MotionOptions(dt=timing.step or 0.2, shift=timing.shift, swing=timing.swing)
+    maker = MotionMaker(QueryContext(scene, robot, ik, crossing.cone), options)
     at = plan.stances[0].feet_mean()
     start = None if scene.start is None else dataclasses.replace(scene.start, xyz=tuple(at.tolist()))
     placed = dataclasses.replace(scene, start=start)
     word = ""
-    for guide in (None, Guide(trajectory.t, trajectory.com)):
-        motion = maker.run(plan.stances, lambda event: None, guide)
+    for com_course in (None, ComCourse(trajectory.t, trajectory.com)):
+        motion = maker.run(plan.stances, lambda event: None, com_course)
         if motion.centroidal is None:
             word = f"no: {motion.reason}"
             continue
-        with tempfile.TemporaryDirectory(prefix="drakeplan-") as folder:
-            path = Path(folder) / "plan.h5"
-            write_plan(assemble_plan(placed, robot, plan.stances, motion, cone=crossing.cone, provenance={}), path)
-            report = verify(path)
+        report = verify_plan(assemble_plan(placed, robot, plan.stances, motion, cone=crossing.cone, provenance={}))
         if report.holds:
             return "yes"
-        word = "no: " + ", ".join(check.name for check in report.checks if not check.ok)
+        word = "no: " + ", ".join(report.failed)
     return word
 
 

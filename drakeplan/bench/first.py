@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
@@ -30,7 +32,8 @@ def run(options: BenchOptions) -> BenchTable:
     for name in SCENES:
         times, expansions, steps, palms = [], [], [], []
         for seed in range(options.seeds):
-            planner = ContactPlanner(load_scene(name, seed=seed), robot, ik, ContactPlannerOptions(seed=seed))
+            context = QueryContext(load_scene(name, seed=seed), robot, ik)
+            planner = SearchPlanner(context, PlannerOptions(seed=seed))
             plan = next(planner.plans(Limits(deadline=DEADLINE)), None)
             if plan is None:
                 times.append(np.inf)

@@ -12,17 +12,15 @@ import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.context import QueryContext
 from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
-from drakeplan.plan.plan import Plan
-from drakeplan.query.planning import PlanOptions, plan_scene
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.momentum_gap import PROMISED, Gap, MomentumGap
-from scenes.contact import Contact
-from scenes.effector import EFFECTORS
 from scenes.files.scene_source import load_scene
 from scenes.robots.plant import RobotPlant, build_plant
 from scenes.robots.robot import load_robot
-from scenes.stance import Stance
 
 SCENES = ("flat", "stairs", "rubble_field", "rubble_corridor", "tilted_slab", "narrow_flat")
 MESHES = {"hpp/darpa": ((-3.6, 0.0, 0.0), (3.9, 0.0))}
@@ -33,7 +31,8 @@ DEADLINE = 10.0  # [s] of search
 def run(options: BenchOptions) -> BenchTable:
     """Named scenes with seeds 0 to 4, the mesh once."""
     robot = load_robot(options.robot)
-    warm_up(robot, WholeBodyIK(robot))
+    ik = WholeBodyIK(robot)
+    warm_up(robot, ik)
     plant = build_plant(robot)
     cases = [(name, seed, None, None) for name in SCENES for seed in range(min(options.seeds, MAX_SEEDS))]
     cases += [(name, 0, start, goal) for name, (start, goal) in MESHES.items()]
@@ -45,10 +44,11 @@ def run(options: BenchOptions) -> BenchTable:
         if found.plan is None:
             notes.append(f"{name} seed {seed}: {found.reason}")
             continue
-        stances = _stances(found.plan)
+        stances = found.plan.contact_sequence()
+        context = QueryContext(scene, robot, ik)
         motions = []
         for feedback in (True, False):
-            maker = MotionMaker(robot, scene.terrain, MotionOptions(feedback=feedback))
+            maker = MotionMaker(context, MotionOptions(feedback=feedback))
             began = time.process_time()
             motions.append((maker.run(stances, lambda event: None), time.process_time() - began))
         row = _row(plant, motions)
@@ -64,16 +64,6 @@ def run(options: BenchOptions) -> BenchTable:
         "CPU s: key postures, dynamics and motion, one process; without feedback the same stage follows the CoM."
     )
     return BenchTable("kinodynamic", "Momenta of the motion less the dynamics'", columns, tuple(rows), tuple(notes))
-
-
-def _stances(plan: Plan) -> list[Stance]:
-    """The contact sequence of a plan."""
-    c = plan.contacts
-    contacts = [
-        Contact(EFFECTORS[e], int(s), X_WC, float(mu))
-        for X_WC, e, s, mu in zip(c.X_WC, c.effector, c.surface, c.friction, strict=True)
-    ]
-    return [Stance(tuple(contacts[k] if k >= 0 else None for k in row)) for row in plan.stances]
 
 
 def _row(plant: RobotPlant, motions: list[tuple[MotionResult, float]]) -> tuple[object, ...]:

@@ -12,13 +12,13 @@ from collections.abc import Callable
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.start_stance import check_goal, start_stance
 from optimization.contact_programs.contact_momentum_program import ContactDynamicsProgram
 from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.contact_programs.convex_set_graph import ConvexSetGraph
 from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.contact_programs.step_reach import step_reach
 from optimization.mixed_integer.solver import BACKENDS, MixedIntegerSettings
+from scenes.footholds.start_stance import check_goal, start_stance
 from scenes.library.rubble_field import named as rubble_field
 from scenes.robots.robot import load_robot
 from scenes.terrain.packed_terrain import pack_terrain

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.search_planner import ContactPlanner
+from drakeplan.contact_planning.planner import PLANNERS
 from drakeplan.contact_planning.warm_up import warm_up
-from drakeplan.query.options import PLANNERS, PlanOptions
-from drakeplan.query.planning import PlanResult, plan_scene
+from drakeplan.context import QueryContext
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
+from drakeplan.query.result import PlanResult
 from optimization.contact_programs.length_bound import LengthBound, length_lower_bound
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import NAMED_SCENES
@@ -89,8 +91,8 @@ def run(options: BenchOptions) -> BenchTable:
 
 
 def _bound(scene: Scene, robot: Robot, ik: WholeBodyIK) -> LengthBound:
-    planner = ContactPlanner(scene, robot, ik)
-    return length_lower_bound(scene, robot, planner.start, planner.goal)
+    context = QueryContext(scene, robot, ik)
+    return length_lower_bound(scene, robot, context.start, context.goal)
 
 
 def _row(scene: str, planner: str, attempts: Sequence[Attempt]) -> tuple[object, ...]:

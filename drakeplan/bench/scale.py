@@ -7,8 +7,10 @@ import time
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library.rubble_field import long, wide
@@ -57,7 +59,7 @@ def run(options: BenchOptions) -> BenchTable:
 def _measure(scene: Scene, robot: Robot, ik: WholeBodyIK, seed: int) -> tuple[float, float, int] | None:
     """(set-up [s], total [s], expansions) of one query; None without a plan."""
     began = time.perf_counter()
-    planner = ContactPlanner(scene, robot, ik, ContactPlannerOptions(seed=seed))
+    planner = SearchPlanner(QueryContext(scene, robot, ik), PlannerOptions(seed=seed))
     plan = next(planner.plans(Limits(deadline=DEADLINE)), None)
     total = time.perf_counter() - began
     return None if plan is None else (planner.setup_s, total, max(plan.expansions, 1))

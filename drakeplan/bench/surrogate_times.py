@@ -15,7 +15,9 @@ import numpy as np
 
 from drakeplan.bench.peers.onnx_model import onnx_model
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner, SearchSettings
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from learning.network import Mlp, SharedNetwork
 from learning.palm_networks import PalmNetworks
@@ -28,7 +30,6 @@ from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import load_robot
-from scenes.transition_model import transition_model
 
 SCENES, SEEDS = ("rubble_field", "rubble_corridor"), 4
 SIZES = (20, 40, 80)  # children of one expansion
@@ -88,8 +89,9 @@ def real_batches(options: BenchOptions, surrogate: DynamicsSurrogate, scene: str
     robot = load_robot(options.robot)
     ik, recording = WholeBodyIK(robot), Recording.of(surrogate)
     for seed in range(min(options.seeds, SEEDS)):
-        asked = ContactPlannerOptions(seed=seed, dynamics="learned", surrogate=recording)
-        planner = ContactPlanner(load_scene(scene, seed=seed), robot, ik, asked, transition_model("experiments"))
+        context = QueryContext(load_scene(scene, seed=seed), robot, ik)
+        asked = PlannerOptions(seed=seed, dynamics="learned")
+        planner = SearchPlanner(context, asked, SearchSettings(surrogate=recording))
         next(iter(planner.plans(Limits(deadline=10.0))), None)
     return recording.batches
 

@@ -11,10 +11,12 @@ import numpy as np
 from drakeplan.bench.deform import moved_scene
 from drakeplan.bench.table import BenchOptions
 from drakeplan.bench.trial import newton_euler, peak_memory
-from drakeplan.contact_planning.program_planner import MixedIntegerPlanner
+from drakeplan.contact_planning.program_planner import ProgramPlanner
+from drakeplan.context import QueryContext
 from drakeplan.experience.deformation import DeformOptions, deform
 from drakeplan.motion.free_timing import effort, planned_schedule
-from drakeplan.query.planning import PlanOptions, plan_scene
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.check import violations
@@ -135,7 +137,7 @@ def plan_rows(robot: Robot) -> Iterator[Row]:
 
 def mixed_integer_rows(robot: Robot) -> Iterator[Row]:
     """Footsteps by every solver that can be used here, contacts with dynamics, and the graph of convex sets."""
-    planner = MixedIntegerPlanner(load_scene(SCENE, seed=0), robot, WholeBodyIK(robot), "footsteps")
+    planner = ProgramPlanner(QueryContext(load_scene(SCENE, seed=0), robot, WholeBodyIK(robot)), "footsteps")
     solvers = [backend.name for backend in BACKENDS if not backend.missing()]
     asked: list[tuple[str, str, Callable[[ContactQuery, FootstepOptions], _Program]]] = [
         *(("footsteps, mixed integer", solver, FootstepProgram) for solver in solvers),

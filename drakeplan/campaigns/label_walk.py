@@ -14,15 +14,16 @@ import numpy as np
 
 from drakeplan.campaigns.tilted_environment import TiltedEnvironment
 from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights
+from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool, Held
 from drakeplan.contact_planning.dynamics_evaluator import stance_of
-from drakeplan.contact_planning.start_stance import start_stance
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import NUM_CATEGORIES, canonicalise
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.transition_dynamics import TransitionDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.footholds.start_stance import standing_com, start_stance
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
@@ -147,10 +148,8 @@ class LabelWalk:
         packed = pack_terrain(environment.terrain)
         self.pool = ContactPool(packed)
         self.check = TransitionCheck(self.pool, robot, ik, packed, dynamics.options.cone)
-        self.domain = ContactDomain(
-            packed, robot, environment.goal, transition_model(environment.steps), self.check, PlannerWeights(),
-            "euclidean", quasi_static=False,
-        )  # fmt: skip
+        asked = PlannerOptions(heuristic="euclidean", dynamics="exact", model=transition_model(environment.steps))
+        self.domain = ContactDomain(packed, robot, environment.goal, self.check, asked, PlannerWeights())
         self.missing = np.full(NUM_CATEGORIES, options.quota)
         self._open: list[WalkState] = [self._first_state(environment, packed)]
 
@@ -187,7 +186,7 @@ class LabelWalk:
             except InputError:
                 continue
             left, right = (self.pool.add_contact(c) for c in stance.contacts[:2] if c is not None)
-            com = stance.feet_mean() + np.array([0.0, 0.0, self.robot.com_height[1]])
+            com = standing_com(self.robot, stance)
             if not self.check.at_com((left, right, -1, -1), com):
                 return WalkState((left, right, -1, -1, -1), com, np.zeros(3))
         raise InputError(f"environment {environment.ground}: no place to start")

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
     from drakeplan.query.options import PlanOptions
-    from drakeplan.query.planning import PlanResult
+    from drakeplan.query.result import PlanResult
     from scenes.scene import Scene
 
 ABOUT = """Plans how a robot crosses a scene with its feet and palms, and has the plan verified.
@@ -41,6 +42,14 @@ Ctrl-C ends the search and keeps the best plan so far; a second one aborts.
 exit status: 0 the plan is complete and verified, 2 bad input, 3 no plan (the reason is said)"""
 
 DEFAULT_ROBOT = "escher"
+
+
+def _planner_names() -> str:
+    return "{" + ",".join(PLANNERS) + "}"
+
+
+def _planner_help() -> str:
+    return "what finds the contacts: " + "; ".join(f"{name}: {entry.about}" for name, entry in PLANNERS.items())
 
 
 @dataclass(frozen=True)
@@ -63,9 +72,7 @@ class Arguments:
     """replaces every friction coefficient in the scene"""
     cone: Literal["inner", "square", "second_order", "diamond"] = "inner"
     """friction cone; diamond admits what real friction does not and is for comparison only"""
-    planner: Literal["search", "footsteps", "contacts", "gcs"] = "search"
-    """what finds the contacts: our search, mixed-integer programs of footsteps or of contacts with momentum, or a
-    graph of convex sets"""
+    planner: Annotated[str, tyro.conf.arg(metavar=_planner_names(), help=_planner_help())] = "search"
     dynamics: Annotated[
         Literal["quasi-static", "exact", "learned"] | None,
         tyro.conf.arg(metavar="{quasi-static,exact,learned}", help_behavior_hint=""),
@@ -89,6 +96,9 @@ class Arguments:
     """the search stops this long after its first plan"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """limit of expanded nodes; unlike times it makes runs repeatable"""
+    explain: bool = False
+    """where a contact sequence was found whose dynamics are infeasible, say what blocks them and what would be enough
+    to change (takes up to half a minute)"""
     keep_partial: bool = False
     """write contacts too whose dynamics, motion or verification failed"""
     out: Annotated[str | None, tyro.conf.arg(metavar="PLAN.h5", help_behavior_hint="")] = None
@@ -195,6 +205,7 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         improve=arguments.improve,
         expansions=arguments.expansions,
         stop=interrupted,
+        explain=arguments.explain,
         command=shlex.join(["drakeplan", *sys.argv[1:]]),
     )
     check_options(options)

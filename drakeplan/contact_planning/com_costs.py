@@ -27,7 +27,7 @@ class DynamicWeights:
     dynamics: float = 0.1
 
 
-class DynamicCosts:
+class ComCosts:
     """Costs of states that begin with those of the contact domain.
 
     Attributes:
@@ -41,12 +41,12 @@ class DynamicCosts:
         per_step = 0.5 * contacts.max_travel
         self._per_metre = weights.distance + weights.step / per_step
 
-    def of_steps(self, state: State, states: Sequence[State]) -> np.ndarray:
+    def step_costs(self, state: State, states: Sequence[State]) -> np.ndarray:
         """(n,) w_xy d + w_s of the transitions from one state to each of several."""
         travel = np.linalg.norm(self._feet_mean(states) - self._feet_mean([state]), axis=1)
         return self.weights.distance * travel + self.weights.step
 
-    def to_go(self, states: Sequence[State]) -> np.ndarray:
+    def cost_to_go(self, states: Sequence[State]) -> np.ndarray:
         """(n,) w_xy D + w_s D / d_max, the heuristic (6.7)."""
         return self._contacts.distance_to_go([s[:5] for s in states]) * self._per_metre
 

@@ -16,23 +16,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TorsoGrid
-
-if TYPE_CHECKING:
-    from drakeplan.contact_planning.transition_check import TransitionCheck
+from drakeplan.contact_planning.transition_check import TransitionCheck
 from scenes.footholds.projection import boxes_are_free, project_feet, project_palms
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
-from scenes.transition_model import TransitionModel
 
 State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover
-HeuristicName = Literal["grid", "euclidean", "admissible"]
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
 BLAMED_OUT = 2  # times that contacts near a place are blamed for a motion's failure before it is not used again
 SPOILED_RADIUS = 0.08  # [m]
@@ -62,9 +58,25 @@ class ContactDomain:
     """
 
     def __init__(
-        self, packed: PackedTerrain, robot: Robot, goal: Goal, model: TransitionModel, check: TransitionCheck,
-        weights: PlannerWeights, heuristic: HeuristicName, use_palms: bool = True, quasi_static: bool = True,
-    ) -> None:  # fmt: skip
+        self,
+        packed: PackedTerrain,
+        robot: Robot,
+        goal: Goal,
+        check: TransitionCheck,
+        options: PlannerOptions,
+        weights: PlannerWeights,
+    ) -> None:
+        """Prepares the domain.
+
+        Args:
+            packed: terrain.
+            robot: who crosses it.
+            goal: with its height.
+            check: what decides whether the body can do a step; its pool numbers the contacts.
+            options: heuristic, palms, transition model; with dynamics other than quasi-static a foot may be lifted where
+                the rest cannot carry the weight.
+            weights: of the edge cost (Lin 2020 eq. 3.2).
+        """
         self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
         self.pool: ContactPool = check.pool
         self.check = check
@@ -72,10 +84,10 @@ class ContactDomain:
         self._forbidden: set[tuple[int, ...]] = set()
         self._blamed: list[int] = []
         self.grid = TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
-        self._models = [model.mirrored(True), model.mirrored(False)]
-        self._heuristic_name = heuristic
-        self._palms = (0, 1) if use_palms else ()
-        self._quasi_static = quasi_static  # whether a foot may only be lifted where the rest can carry the weight
+        self._models = [options.model.mirrored(True), options.model.mirrored(False)]
+        self._heuristic_name = options.heuristic
+        self._palms = (0, 1) if options.use_palms else ()
+        self._quasi_static = options.dynamics == "quasi-static"
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._half = [e.half_extent for e in robot.effectors]
@@ -83,7 +95,7 @@ class ContactDomain:
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
-        self.max_travel = max(robot.max_foot_translation, float(np.abs(model.steps[:, 0]).max()))
+        self.max_travel = max(robot.max_foot_translation, float(np.abs(options.model.steps[:, 0]).max()))
         self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
 
     # Search protocol -------------------------------------------------------------------------------------------

@@ -17,22 +17,19 @@ from typing import Protocol
 import numpy as np
 
 from drakeplan.contact_planning.contact_domain import PlannerWeights, State
+from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
-from drakeplan.contact_planning.search_planner import ContactPlan, ContactPlannerOptions
-from drakeplan.contact_planning.start_stance import check_goal, start_stance
+from drakeplan.contact_planning.planner import ContactPlanner
 from drakeplan.contact_planning.transition_check import TransitionCheck
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.contact_programs.step_reach import step_reach
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.mixed_integer.solver import MixedIntegerSettings, Progress
+from scenes.contact import Contact
 from scenes.input_error import unknown_name
-from scenes.robots.robot import Robot
-from scenes.scene import Goal, Scene
 from scenes.stance import Stance, changed_effector
-from scenes.terrain.packed_terrain import pack_terrain
-from scenes.transition_model import TransitionModel, transition_model
 
 ADVANCE = 0.24  # [m] of the mean of the feet per foot contact: a walk at ease, from which the number of contacts starts
 MORE_CONTACTS = 4  # added where the program is infeasible
@@ -133,58 +130,68 @@ class _Trial:
         return asked or time.perf_counter() > self._until
 
 
-class MixedIntegerPlanner:
-    """One query: a scene, a robot and a formulation; iterate over `plans`, as over `ContactPlanner.plans`.
+class ProgramPlanner:
+    """Programs that choose all contacts at once; see `drakeplan.contact_planning.planner.ContactPlanner`.
 
     Attributes:
-        start: the first stance.
-        goal: with its height.
+        context: of the query.
         formulation: "footsteps", "contacts" or "gcs".
         setup_s: seconds to pack the terrain and set the robot down.
-        search: counts of the last run of `plans`, None before.
+        query: what the programs are asked, with what has been learnt about reach.
         notes: every program that was solved.
-
-    Raises:
-        InputError: start or goal missing or off the terrain.
     """
 
     def __init__(
-        self, scene: Scene, robot: Robot, ik: WholeBodyIK, formulation: str,
-        options: ContactPlannerOptions | None = None, model: TransitionModel | None = None, solver: str = "auto",
-    ) -> None:  # fmt: skip
+        self,
+        context: QueryContext,
+        formulation: str,
+        options: PlannerOptions | None = None,
+        weights: PlannerWeights | None = None,
+        solver: str = "auto",
+    ) -> None:
+        """Prepares the programs.
+
+        Args:
+            context: of the query.
+            formulation: "footsteps", "contacts" or "gcs".
+            options: what is asked of any planner.
+            weights: of the cost that is reported (Lin 2020 eq. 3.2).
+            solver: see `optimization.mixed_integer.solver`.
+
+        Raises:
+            InputError: unknown formulation; start or goal missing or off the terrain.
+        """
         began = time.perf_counter()
         if formulation not in FORMULATIONS:
             raise unknown_name("planner", formulation, FORMULATIONS)
-        self.options, self.robot = options or ContactPlannerOptions(), robot
-        packed = pack_terrain(scene.terrain)
-        self.start: Stance = start_stance(scene, packed, robot)
-        self.goal: Goal = check_goal(scene, packed, robot)
-        self.pool = ContactPool(packed)
-        self.check = TransitionCheck(self.pool, robot, ik, packed, self.options.cone)
-        reach = step_reach(robot, model or transition_model())
-        self.query = ContactQuery(scene.terrain, robot, self.start, self.goal, reach, self.options.cone)
+        self.context, options = context, options or PlannerOptions()
+        robot, terrain = context.robot, context.scene.terrain
+        self._pool = ContactPool(context.packed)
+        self.check = TransitionCheck(self._pool, robot, context.ik, context.packed, context.cone)
+        reach = step_reach(robot, options.model)
+        self.query = ContactQuery(terrain, robot, context.start, context.goal, reach, context.cone)
         self.formulation, self._solver = formulation, solver
-        self._weights: PlannerWeights = self.options.weights
-        self._numbers: dict[int, int] = {}
+        self._weights = weights or PlannerWeights()
+        self._numbers: dict[Contact, int] = {}
         self._failures: dict[str, int] = {}
         self.notes: list[SolveNote] = []
-        self.search: SolveCount | None = None
+        self._count = SolveCount()
         self._why = "not planned yet"
-        walls = [e for e in (2, 3) if any(s.allows(robot.effectors[e].name) for s in scene.terrain.surfaces)]
-        self._palms = tuple(walls) if self.options.use_palms else ()
+        walls = [e for e in (2, 3) if any(s.allows(robot.effectors[e].name) for s in terrain.surfaces)]
+        self._palms = tuple(walls) if options.use_palms else ()
         choices: list[tuple[int, ...]] = [(), self._palms] if self._palms else [()]
         self._attempts = [(palms, self._least_contacts(palms)) for palms in choices]
         self.setup_s = time.perf_counter() - began
 
     def start_problem(self) -> str:
         """Why the robot cannot stand at the start, "" if it can."""
-        reason = self.check.stance(self._held(self.start))
+        reason = self.check.stance(self._held(self.context.start))
         return reason and f"start infeasible: {reason}"
 
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
         """Yields one sequence that passes the middle tier, if there is one in time; resumes where it left off."""
         began = clock()
-        self.search = search = SolveCount()
+        self._count = search = SolveCount()
         while self._attempts:
             left = np.inf if limits.deadline is None else limits.deadline - (clock() - began)
             if limits.stop is not None and limits.stop():
@@ -217,13 +224,33 @@ class MixedIntegerPlanner:
                 f"no program of up to {MAX_CONTACTS} contacts gives a sequence that passes{self._failure_text()}"
             )
 
-    def forbid(self, before: State, after: State) -> None:
-        """Narrows the reach where a transition failed a later, stricter check, so that the next answer differs."""
+    def forbid(self, plan: ContactPlan, transition: int) -> None:
+        """Narrows the reach where a transition failed a later, stricter check, so that the next answer differs.
+
+        Args:
+            plan: one that this planner gave.
+            transition: k, from stance k to stance k + 1.
+        """
         narrowed = self.query.narrowed
-        for state in (before, after):
-            self._narrow(int(self.pool.surface[state[0]]), int(self.pool.surface[state[1]]))
+        for stance in plan.stances[transition : transition + 2]:
+            left, right = stance.contacts[:2]
+            assert left is not None
+            assert right is not None
+            self._narrow(left.surface, right.surface)
         if self.query.narrowed == narrowed and self._attempts:  # nothing is left to narrow: smaller steps
             self._attempts = [*self._attempts[1:], *self._with_more(*self._attempts[0])]
+
+    def require_static_balance(self, required: bool) -> bool:
+        """Changes nothing: every transition passes its critical configurations at rest already.
+
+        Args:
+            required: whether it must.
+        """
+        return False
+
+    def counts(self) -> PlannerCounts:
+        """What the last run of `plans` did."""
+        return PlannerCounts(self._count.expansions, self._count.ended_by)
 
     def why_not(self) -> str:
         """Why there is no plan, in one line."""
@@ -304,26 +331,26 @@ class MixedIntegerPlanner:
 
     def _least_contacts(self, palms: tuple[int, ...]) -> int:
         """Contacts with which the programs begin: whole pairs of foot contacts, and the palms between them."""
-        feet = self.start.feet_mean()[:2]
-        distance = max(float(np.hypot(*(np.array(self.goal.xyz[:2]) - feet))) - self.goal.radius, 0.0)
+        feet = self.context.start.feet_mean()[:2]
+        distance = max(float(np.hypot(*(np.array(self.context.goal.xyz[:2]) - feet))) - self.context.goal.radius, 0.0)
         steps = 2 * int(np.ceil(distance / ADVANCE / 2.0)) + 2
         return min(steps + steps // 2 * len(palms), MAX_CONTACTS)
 
     def _first_foot(self) -> int:
         """The foot that is farther from the goal moves first."""
-        goal = np.array(self.goal.xyz[:2])
+        goal = np.array(self.context.goal.xyz[:2])
         left, right = (float(np.hypot(*(c.p_WC[:2] - goal))) for c in self.query.feet)
         return 0 if left >= right else 1
 
     def _headings(self) -> tuple[tuple[float, float], ...]:
         """Intervals of heading from the start's by way of the goal's direction to the goal's own."""
         yaw = self.query.feet[0].heading
-        ahead = np.array(self.goal.xyz[:2]) - self.start.feet_mean()[:2]
+        ahead = np.array(self.context.goal.xyz[:2]) - self.context.start.feet_mean()[:2]
         wanted = [yaw, yaw + _wrap(np.arctan2(ahead[1], ahead[0]) - yaw)]
         if np.hypot(*ahead) < 1.0:
             wanted = [yaw]  # near goals are reached sideways
-        if self.goal.yaw is not None:
-            wanted.append(yaw + _wrap(self.goal.yaw - yaw))
+        if self.context.goal.yaw is not None:
+            wanted.append(yaw + _wrap(self.context.goal.yaw - yaw))
         low, high = min(wanted), max(wanted)
         if high - low < STRAIGHT:
             return ((yaw, yaw),)
@@ -337,11 +364,10 @@ class MixedIntegerPlanner:
         """Contact numbers by end effector, -1 where free."""
         return tuple(-1 if c is None else self._number(c) for c in stance.contacts)
 
-    def _number(self, contact: object) -> int:
-        key = hash(contact)
-        if key not in self._numbers:
-            self._numbers[key] = self.pool.add_contact(contact)  # type: ignore[arg-type]
-        return self._numbers[key]
+    def _number(self, contact: Contact) -> int:
+        if contact not in self._numbers:
+            self._numbers[contact] = self._pool.add_contact(contact)
+        return self._numbers[contact]
 
     def _states(self, stances: tuple[Stance, ...]) -> tuple[State, ...]:
         moved = [-1, *(changed_effector(a, b) for a, b in itertools.pairwise(stances))]
@@ -367,3 +393,33 @@ class MixedIntegerPlanner:
 
 def _wrap(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def build_footsteps(context: QueryContext, options: PlannerOptions) -> ContactPlanner:
+    """The planner "footsteps" of `drakeplan.contact_planning.planner.PLANNERS`.
+
+    Args:
+        context: of the query.
+        options: what is asked of it.
+    """
+    return ProgramPlanner(context, "footsteps", options)
+
+
+def build_contacts(context: QueryContext, options: PlannerOptions) -> ContactPlanner:
+    """The planner "contacts" of `drakeplan.contact_planning.planner.PLANNERS`.
+
+    Args:
+        context: of the query.
+        options: what is asked of it.
+    """
+    return ProgramPlanner(context, "contacts", options)
+
+
+def build_convex_set_graph(context: QueryContext, options: PlannerOptions) -> ContactPlanner:
+    """The planner "gcs" of `drakeplan.contact_planning.planner.PLANNERS`.
+
+    Args:
+        context: of the query.
+        options: what is asked of it.
+    """
+    return ProgramPlanner(context, "gcs", options)

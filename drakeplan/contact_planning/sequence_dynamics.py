@@ -8,23 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.program import CentroidalProgram
+from scenes.footholds.start_stance import standing_com
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 REST = 1.0  # [s] on the last stance
-
-
-def standing_com(robot: Robot, stance: Stance) -> np.ndarray:
-    """(3,) where the CoM is taken to be in a stance at rest: over the mean of the feet, at its usual height [m]."""
-    return stance.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
 
 
 def sequence_problem(robot: Robot, stances: Sequence[Stance], timing: Timing | None = None) -> CentroidalProblem:

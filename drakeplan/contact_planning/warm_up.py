@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions, DynamicsName
+from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
@@ -29,8 +31,9 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     post = Box("post", np.array([0.1, 0.1, 1.0]), X_WO)
     terrain = Terrain((floor, wall if wall.normal[1] < 0 else wall.flipped()), (post,))
     scene = Scene("warm_up", terrain, Start((0.0, 0.0, 0.0)), Goal((0.5, 0.0, 0.0), 0.1))
+    context = QueryContext(scene, robot, ik)
     for dynamics in _judges(robot):
-        planner = ContactPlanner(scene, robot, ik, ContactPlannerOptions(dynamics=dynamics))
+        planner = SearchPlanner(context, PlannerOptions(dynamics=dynamics))
         if not planner.start_problem():
             for _ in planner.plans(Limits(expansions=30, improve=0.05)):
                 pass

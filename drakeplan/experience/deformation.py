@@ -9,7 +9,6 @@ out. A place that the strip or the motion breaks at counts as further away from 
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -18,22 +17,23 @@ from typing import Literal
 
 import numpy as np
 
+from drakeplan.context import QueryContext
 from drakeplan.experience.strip_setup import (
     Sampling,
     choose_region,
     complete_parts,
     contact_choices,
     make_problem,
-    planned_contacts,
     stands_alone,
     warm_up,
 )
 from drakeplan.motion.assembly import assemble_plan
-from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
+from drakeplan.motion.maker import MotionMaker, MotionResult
 from drakeplan.plan.plan import Plan
-from drakeplan.plan.plan_file import read_plan, write_plan
+from drakeplan.plan.plan_file import read_plan
+from drakeplan.plan.verified import verify_plan
 from drakeplan.progress import ProgressEvent
-from drakeplan.verifier import Report, verify
+from drakeplan.verifier import Report
 from optimization.balance.friction import FrictionCone
 from optimization.elastic_strip.problem import CONTACT, StripEstimate, StripOptions
 from optimization.elastic_strip.program import ElasticStrip
@@ -45,7 +45,6 @@ from scenes.input_error import InputError
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
 from scenes.stance import Stance
-from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 
 MAX_PER_PHASE = 10  # configurations; more make the strip slower and no better
 Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in
@@ -154,13 +153,13 @@ class _Deformation:
     def __init__(self, plan: Plan, scene: Scene, robot: Robot, options: DeformOptions) -> None:
         self.plan, self.scene, self.robot, self.options = plan, scene, robot, options
         self.tell = options.progress or (lambda _: None)
-        self.ik = WholeBodyIK(robot)
-        warm_up(robot, self.ik)
-        self.packed: PackedTerrain = pack_terrain(scene.terrain)
         self.cone = FrictionCone(plan.friction_cone)
+        self.context = QueryContext(scene, robot, WholeBodyIK(robot), self.cone)
+        self.ik, self.packed = self.context.ik, self.context.packed
+        warm_up(robot, self.ik)
         self.strip_options = replace(options.strip, cone=self.cone)
         self.sampling = Sampling(options.per_phase, options.furthest, options.strip.turn)
-        self.planned = planned_contacts(plan)
+        self.planned = tuple(plan.contact(c) for c in range(len(plan.contacts)))
         self.penalty: list[dict[int, float]] = [{} for _ in self.planned]
         self.report: dict[str, float] = dict.fromkeys(
             ("deform_s", "regions_s", "strip_s", "dynamics_s", "motion_s", "verification_s", "iterations",
@@ -235,7 +234,7 @@ class _Deformation:
                 return DeformResult("complete", "", plan, strip, report, dict(self.report)), {}
         reason = motion.reason
         if motion.ok and report is not None:
-            reason = "verification failed: " + ", ".join(c.name for c in report.checks if not c.ok)
+            reason = "verification failed: " + ", ".join(report.failed)
         return self._result("contacts", reason, stances, None, strip, report), self._blame_motion(motion)
 
     def _deform_strip(self, chosen: list[Choice]) -> StripEstimate:
@@ -253,8 +252,7 @@ class _Deformation:
 
     def _move(self, stances: list[Stance]) -> MotionResult:
         if self._maker is None:
-            options = MotionOptions(cone=self.cone)
-            self._maker = MotionMaker(self.robot, self.scene.terrain, options, ik=self.ik)
+            self._maker = MotionMaker(self.context)
         motion = self._maker.run(stances, self.tell)
         for key in ("dynamics_s", "motion_s"):
             self.report[key] += motion.timings.get(key, 0.0)
@@ -263,10 +261,7 @@ class _Deformation:
     def _verify(self, stances: list[Stance], motion: MotionResult) -> tuple[Report, Plan]:
         began = time.process_time()
         plan = self._assemble(stances, motion)
-        with tempfile.TemporaryDirectory(prefix="drakeplan-") as folder:
-            path = Path(folder) / "plan.h5"
-            write_plan(plan, path)
-            report = verify(path)
+        report = verify_plan(plan)
         self.report["verification_s"] += time.process_time() - began
         return report, plan
 

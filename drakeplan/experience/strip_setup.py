@@ -11,7 +11,6 @@ from drakeplan.plan.plan import Plan, PlanMotion, PlanPhases
 from optimization.balance.balance_regions import BalancePolygons
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone, frame_stands_alone
 from optimization.balance.static_equilibrium import polygon_margin
-from optimization.elastic_strip.check import contact_heading
 from optimization.elastic_strip.problem import Gathering, StripProblem
 from optimization.elastic_strip.rows import linearise, make_strip_rows
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -69,16 +68,6 @@ def complete_parts(plan: Plan) -> tuple[PlanPhases, PlanMotion]:
     if plan.phases is None or plan.motion is None:
         raise InputError(f"deform: expected a complete plan, the one of {plan.scene_name!r} has no motion")
     return plan.phases, plan.motion
-
-
-def planned_contacts(plan: Plan) -> tuple[Contact, ...]:
-    """The plan's contacts with the headings that their frames were made from."""
-    contacts = []
-    for c in range(len(plan.contacts)):
-        contact = plan.contact(c)
-        heading = contact_heading(contact.X_WC) if is_foot(contact.effector) else contact.heading
-        contacts.append(Contact(contact.effector, contact.surface, contact.X_WC, contact.friction, heading))
-    return tuple(contacts)
 
 
 def stands_alone(plan: Plan) -> np.ndarray:

@@ -29,7 +29,7 @@ def centroidal_options(robot: Robot, cone: FrictionCone, dt: float) -> Centroida
     return replace(CentroidalOptions.for_robot(robot, cone), dt=dt, weights=WEIGHTS, final_half_width=None)
 
 
-def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
+def monotone_course(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
     """(N, m) continuously differentiable course through key_x (n, m) at key_t (n,), at rest at both ends.
 
     It does not overshoot: slopes are the harmonic mean of the secants where both go the same way, else zero (Fritsch &
@@ -44,7 +44,7 @@ def through(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Guide:
+class ComCourse:
     """Where the CoM has to be when, for sequences that no quasi-static walk can follow.
 
     Attributes:
@@ -59,9 +59,9 @@ class Guide:
         """(n, 3) CoM at these times [m]."""
         return CubicSpline(self.t, self.com)(np.clip(t, self.t[0], self.t[-1]))
 
-    def through(self, key_t: np.ndarray, key_com: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """(N, 3) the guide bent to where the CoM of key postures (n, 3) is at key_t (n,) [m]."""
-        return self.at(t) + through(key_t, key_com - self.at(key_t), t)
+    def meeting(self, key_t: np.ndarray, key_com: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """(N, 3) the course bent to where the CoM of key postures (n, 3) is at key_t (n,) [m]."""
+        return self.at(t) + monotone_course(key_t, key_com - self.at(key_t), t)
 
 
 class SequenceDynamics:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drakeplan.motion.check import Problem, find_problems, mean_velocities
-from drakeplan.motion.course_dynamics import BOX, Guide, SequenceDynamics, through
+from drakeplan.motion.course_dynamics import BOX, ComCourse, SequenceDynamics, monotone_course
 from drakeplan.motion.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
 from drakeplan.motion.proximity import Encounters, ProximityMonitor
 from drakeplan.motion.targets import (
@@ -96,15 +96,15 @@ class MotionFrames:
     trajectory: CentroidalTrajectory
 
     def __init__(
-        self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics, guide: Guide | None = None
+        self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics, com_course: ComCourse | None = None
     ) -> None:  # fmt: skip
-        """A `guide` is what the CoM follows from key posture to key posture; without, it takes the shortest way."""
+        """With a `com_course` the CoM follows it from key posture to key posture; without, it takes the shortest way."""
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)
         self.dynamics_s = 0.0
         self.gaps: tuple[MomentumGap, ...] = ()
-        self._dynamics, self._guide = dynamics, guide
+        self._dynamics, self._com_course = dynamics, com_course
         self._held = schedule.contact_at(self.t) >= 0
         self._room = contact_room(schedule, self.t)
         self._detours: dict[int, Detour] = {}
@@ -125,7 +125,7 @@ class MotionFrames:
 
     def _solve(self, spin: np.ndarray, box: np.ndarray | None, torques: TorqueRows | None = None) -> str:
         began = time.perf_counter()
-        follow = through if self._guide is None else self._guide.through
+        follow = monotone_course if self._com_course is None else self._com_course.meeting
         reference = follow(self._course.t, self._course.com, self._knots)
         trajectory, reason = self._dynamics.solve(reference, spin, box, torques)
         self.dynamics_s += time.perf_counter() - began
@@ -149,7 +149,7 @@ class MotionFrames:
         """Makes the motion; what is left of its problems."""
         self._retarget()
         self._answer = self._track(np.repeat(self.keys.q[:1], len(self.t), axis=0), chained=True)
-        self._guide_palms()
+        self._lead_palms()
         tried: list[tuple[list[Problem], CentroidalTrajectory, TrackedPostures, tuple[MomentumGap, ...]]] = []
         for _ in range(rounds):
             self._look()
@@ -180,7 +180,13 @@ class MotionFrames:
         setting = self.setting
         self._swings = plan_swings(setting.robot, setting.packed, self.schedule, self._detours, setting.clearance)
         self._course = solve_course(
-            setting.robot, setting.ik, self.schedule, self.keys, self._swings, setting.monitor, guide=self._guide
+            setting.robot,
+            setting.ik,
+            self.schedule,
+            self.keys,
+            self._swings,
+            setting.monitor,
+            com_course=self._com_course,
         )
 
     def _retarget(self) -> None:
@@ -193,7 +199,7 @@ class MotionFrames:
         X_WE, weight = effector_targets(self.schedule, self._swings, self.t, self._free)
         self._targets = replace(self._targets, X_WE=X_WE, place_weight=weight[:, :, 0], turn_weight=weight[:, :, 1])
 
-    def _guide_palms(self) -> None:
+    def _lead_palms(self) -> None:
         """Palms that make or break a contact: from where the free arm is to their curve."""
         wanted = np.zeros(len(self.t), dtype=bool)
         phase = self.schedule.phase_at(self.t)

@@ -17,9 +17,8 @@ from optimization.centroidal.timing import TimingOptions, optimise_timing
 from optimization.centroidal.timing_step import whole_cost
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.centroidal.transition_dynamics import transition_options
-from scenes.contact import Contact
+from scenes.footholds.start_stance import standing_com
 from scenes.robots.robot import Robot
-from scenes.stance import Stance
 
 WORTH = 0.02  # relative decrease that is worth another step: durations are rounded to knots afterwards
 
@@ -81,19 +80,13 @@ def planned_schedule(plan: Plan) -> Schedule:
     """
     if plan.phases is None:
         raise ValueError(f"the plan of {plan.scene_name!r} has no phases")
-    held = [
-        Contact(plan.effectors[e], int(s), X_WC, float(mu))
-        for X_WC, e, s, mu in zip(
-            plan.contacts.X_WC, plan.contacts.effector, plan.contacts.surface, plan.contacts.friction, strict=True
-        )
-    ]
-    stances = [Stance(tuple(held[c] if c >= 0 else None for c in row)) for row in plan.stances]
+    stances = plan.contact_sequence()
     durations = plan.phases.end - plan.phases.start
     return make_schedule(stances, shift=durations[0:-1:2], swing=durations[1::2], rest=float(durations[-1]))
 
 
 def _problem(robot: Robot, schedule: Schedule, t: np.ndarray) -> CentroidalProblem:
-    start = schedule.stances[0].feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
+    start = standing_com(robot, schedule.stances[0])
     contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
     return CentroidalProblem(contacts, robot.mass, robot.half_extents, start)
 

@@ -15,9 +15,9 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
-from drakeplan.motion.course_dynamics import Guide
+from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.proximity import ProximityMonitor
-from drakeplan.motion.separation import Room, apart
+from drakeplan.motion.separation import Room, separate_bodies
 from drakeplan.motion.swing import SwingCurve
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.balance.friction import FrictionCone, cone_generators
@@ -38,7 +38,7 @@ SPREAD = 0.06  # [m] distance that arms which hang free keep from everything els
 HALFWAY = 0.45  # share of a phase at which its middle posture is taken
 STRAIGHT = 0.008  # [m] that a CoM halfway between key postures may be off where it only shifts
 FLY = (6.0, 0.3)  # weights of place and turn of the end effector in the air there
-GUIDED = 0.05  # [m] that the CoM may be off a guide, per axis
+COURSE_WIDTH = 0.05  # [m] that the CoM may be off its course, per axis
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
 
@@ -121,29 +121,29 @@ def solve_key_postures(
     monitor: ProximityMonitor,
     *,
     spread: float = SPREAD,
-    guide: Guide | None = None,
+    com_course: ComCourse | None = None,
 ) -> KeyPostures:
     """Solves all of them together, moves bodies apart that come too near each other or the terrain, retries what fails.
 
-    `spread` is the distance [m] that arms which hang free keep from everything. A `guide` says where the CoM must be,
+    `spread` is the distance [m] that arms which hang free keep from everything. A `com_course` says where the CoM must be,
     whether or not it could rest there.
 
     The first try wants the CoM well inside what the contacts balance. Where the legs do not reach that, the planner's
     own inverse kinematics says how far the CoM can come, and the posture is made from there.
     """
     placed, support = _boundary_contacts(schedule)
-    if guide is None:
+    if com_course is None:
         polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
     else:
-        polygons = tuple(com[:2] + GUIDED * SQUARE for com in guide.at(schedule.boundaries))
+        polygons = tuple(com[:2] + COURSE_WIDTH * SQUARE for com in com_course.at(schedule.boundaries))
     targets = _targets(robot, ik.kinematics, schedule, placed, polygons)
-    if guide is not None:
-        targets = replace(targets, com=guide.at(schedule.boundaries))
+    if com_course is not None:
+        targets = replace(targets, com=com_course.at(schedule.boundaries))
     q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
     room = Room.of(robot, monitor, spread)
-    answer = apart(tree, monitor, targets, answer, placed, room)
+    answer = separate_bodies(tree, monitor, targets, answer, placed, room)
     keys = _judged(ik.kinematics, answer, polygons)
     failures = keys.failures()
     if failures:
@@ -151,7 +151,7 @@ def solve_key_postures(
         solve = np.isin(np.arange(len(q)), failures)
         q = np.where(solve[:, None], targets.q_ref, answer.q)
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
-        answer = apart(tree, monitor, targets, answer, placed, room, reserve=0.0)
+        answer = separate_bodies(tree, monitor, targets, answer, placed, room, reserve=0.0)
         keys = _judged(ik.kinematics, answer, polygons)
     return keys
 
@@ -180,7 +180,7 @@ def solve_course(
     monitor: ProximityMonitor,
     *,
     spread: float = SPREAD,
-    guide: Guide | None = None,
+    com_course: ComCourse | None = None,
 ) -> Course:
     """The key postures, and one more in the middle of each swing from contact to contact.
 
@@ -198,8 +198,8 @@ def solve_course(
         phase = schedule.phases[n]
         t[i] = phase.start + HALFWAY * (phase.end - phase.start)
         com[i] = keys.com[n] + HALFWAY * (keys.com[n + 1] - keys.com[n])
-        if guide is not None:
-            com[i] = guide.through(schedule.boundaries, keys.com, t[i : i + 1])[0]
+        if com_course is not None:
+            com[i] = com_course.meeting(schedule.boundaries, keys.com, t[i : i + 1])[0]
         for e, c in enumerate(phase.contacts):
             if c >= 0:
                 X_WE[i, e], place[i, e] = schedule.contacts[c].X_WC, HOLD
@@ -217,7 +217,7 @@ def solve_course(
     )  # fmt: skip
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
     room = Room.of(robot, monitor, spread)
-    q = apart(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
+    q = separate_bodies(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
     reached = np.array([ik.kinematics.com(x) for x in q])
     needed = np.arange(num) < len(swinging)
     needed |= np.linalg.norm(reached - com, axis=1) > STRAIGHT

@@ -15,25 +15,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from drakeplan.context import QueryContext
 from drakeplan.motion.check import Problem, velocities
-from drakeplan.motion.course_dynamics import Guide, SequenceDynamics
+from drakeplan.motion.course_dynamics import ComCourse, SequenceDynamics
 from drakeplan.motion.frames import MotionFrames, Setting
 from drakeplan.motion.free_timing import effort, free_durations
 from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.timing.phases import Schedule, make_schedule
-from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.trajectory import CentroidalTrajectory
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.joint_torques import motion_torques
 from optimization.kinodynamic.momentum_gap import MomentumGap
 from optimization.multibody.inverse_dynamics import effort_limits
-from scenes.robots.plant import RobotPlant, build_plant
-from scenes.robots.robot import Robot
 from scenes.stance import Stance
-from scenes.terrain.packed_terrain import pack_terrain
-from scenes.terrain.terrain import Terrain
 
 FREE_BOUNDS = (
     (0.6, 1.6),
@@ -47,7 +42,6 @@ class MotionOptions:
     """What a user may choose about dynamics and motion.
 
     Attributes:
-        cone: friction cone.
         dt: step of the momentum trajectory [s].
         shift: time to shift the CoM before each swing [s] (Lin 2020 sec. 6.7).
         swing: time to move an end effector [s].
@@ -60,7 +54,6 @@ class MotionOptions:
         feedback: whether dynamics and motion are made to agree; without, each motion follows the CoM alone.
     """
 
-    cone: FrictionCone = DEFAULT_CONE
     dt: float = 0.2
     shift: float = 1.0
     swing: float = 1.0
@@ -71,9 +64,6 @@ class MotionOptions:
     rounds: int = 4
     attempts: int = 3
     feedback: bool = True
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
 
 
 @dataclass(frozen=True)
@@ -127,54 +117,33 @@ class MotionResult:
     torque: TorqueNeed | None = None
 
 
-def make_motion(
-    robot: Robot,
-    terrain: Terrain,
-    stances: Sequence[Stance],
-    options: MotionOptions | None = None,
-    *,
-    progress: Progress | None = None,
-    robot_plant: RobotPlant | None = None,
-    ik: WholeBodyIK | None = None,
-) -> MotionResult:
-    """Dynamics and motion of a contact sequence.
-
-    Args:
-        stances: consecutive ones differ in one end effector; the robot starts and ends at rest.
-        progress: told what is going on.
-        robot_plant: of this robot on this terrain, where the caller has one already.
-        ik: of this robot, where the caller has one already.
-
-    Raises:
-        ValueError: a sequence that is none (see `make_schedule`).
-    """
-    maker = MotionMaker(robot, terrain, options or MotionOptions(), robot_plant, ik)
-    return maker.run(stances, progress or (lambda _: None))
-
-
 class MotionMaker:
-    """What is prepared once for a robot on a terrain, and the repairs of one motion after the other."""
+    """What is prepared once for a query, and the motions over one contact sequence after the other."""
 
-    def __init__(
-        self, robot: Robot, terrain: Terrain, options: MotionOptions, robot_plant: RobotPlant | None = None,
-        ik: WholeBodyIK | None = None,
-    ) -> None:  # fmt: skip
-        self.robot, self.options = robot, options
-        self.robot_plant = robot_plant or build_plant(robot, terrain)
-        ik = ik or WholeBodyIK(robot)
+    def __init__(self, context: QueryContext, options: MotionOptions | None = None) -> None:
+        """Prepares the motion stage.
+
+        Args:
+            context: robot, terrain and kinematics.
+            options: see `MotionOptions`.
+        """
+        options = options or MotionOptions()
+        self.robot, self.cone, self.options = context.robot, context.cone, options
+        self.robot_plant = context.robot_plant
+        ik = context.ik
         monitor = ProximityMonitor(self.robot_plant, ik.kinematics)
         self.effort = effort_limits(self.robot_plant.plant)
         self.setting = Setting(
-            robot, ik, monitor, pack_terrain(terrain), options.rate, options.clearance, self.effort, options.feedback
+            self.robot, ik, monitor, context.packed, options.rate, options.clearance, self.effort, options.feedback
         )
-        self.regions = BalanceRegions(robot, options.cone)
+        self.regions = BalanceRegions(self.robot, self.cone)
 
     def run(
-        self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None], guide: Guide | None = None
+        self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None], com_course: ComCourse | None = None
     ) -> MotionResult:
         """Tries the usual timing, then longer phases where joints were too fast or the dynamics infeasible.
 
-        With a `guide`, for the usual timing, the CoM follows it instead of resting places, and the timing stays.
+        With a `com_course`, for the usual timing, the CoM follows it instead of resting places, and the timing stays.
         """
         num = len(stances) - 1
         shift, swing = np.full(num, self.options.shift), np.full(num, self.options.swing)
@@ -182,9 +151,9 @@ class MotionMaker:
         results: list[MotionResult] = []
         for _ in range(self.options.attempts):
             schedule = make_schedule(stances, shift=shift, swing=swing, rest=self.options.rest)
-            result = self._attempt(schedule, timings, tell, guide)
+            result = self._attempt(schedule, timings, tell, com_course)
             results.append(result)
-            longer = None if result.ok or guide is not None else self._longer(schedule, result, shift, swing)
+            longer = None if result.ok or com_course is not None else self._longer(schedule, result, shift, swing)
             if longer is None:
                 break
             shift, swing = longer
@@ -195,7 +164,7 @@ class MotionMaker:
         self, fixed: MotionResult, timings: dict[str, float], tell: Callable[[ProgressEvent], None]
     ) -> MotionResult:
         """The motion with durations of least effort where it holds and takes less; the given one where not."""
-        cone, dt = self.options.cone, self.options.dt
+        cone, dt = self.cone, self.options.dt
         for bounds in FREE_BOUNDS:
             began = time.perf_counter()
             durations = free_durations(self.robot, fixed.schedule, cone, dt, bounds)
@@ -213,12 +182,12 @@ class MotionMaker:
         return fixed
 
     def _attempt(
-        self, schedule: Schedule, timings: dict[str, float], tell: Progress, guide: Guide | None = None
+        self, schedule: Schedule, timings: dict[str, float], tell: Progress, com_course: ComCourse | None = None
     ) -> MotionResult:
         began = time.perf_counter()
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
         keys = solve_key_postures(
-            self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor, guide=guide
+            self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor, com_course=com_course
         )
         last = max(len(schedule.stances) - 2, 0)
         failed = sorted({min(max(b - 1, 0) // 2, last) for b in keys.failures()})
@@ -227,8 +196,8 @@ class MotionMaker:
             more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
             reason = f"no posture for transition {', '.join(map(str, failed[:3]))}{more}"
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
-        dynamics = SequenceDynamics(self.robot, schedule, self.options.cone, self.options.dt)
-        frames = MotionFrames(self.setting, schedule, keys, dynamics, guide)
+        dynamics = SequenceDynamics(self.robot, schedule, self.cone, self.options.dt)
+        frames = MotionFrames(self.setting, schedule, keys, dynamics, com_course)
         reason = frames.solve_dynamics(schedule.times(self.options.dt))
         timings["dynamics_s"] += time.perf_counter() - began
         if reason:

@@ -43,7 +43,7 @@ class Room:
         return np.array([self.least.get(bodies, self.spread) for bodies in met.bodies])
 
 
-def apart(
+def separate_bodies(
     tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
     placed: np.ndarray, room: Room, reserve: float = RESERVE,
 ) -> TrackedPostures:  # fmt: skip

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from drakeplan.motion.course_dynamics import through
+from drakeplan.motion.course_dynamics import monotone_course
 from drakeplan.motion.key_postures import COM, HOLD, Course, posture_weight
 from drakeplan.motion.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
 from drakeplan.timing.phases import BREAK, MAKE, MOVE, Schedule
@@ -139,7 +139,7 @@ def posture_reference(course: Course, t: np.ndarray) -> np.ndarray:
     for b in range(1, len(q)):
         if q[b, :4] @ q[b - 1, :4] < 0.0:
             q[b, :4] *= -1.0
-    q = through(course.t, q, t)
+    q = monotone_course(course.t, q, t)
     q[:, :4] /= np.linalg.norm(q[:, :4], axis=1, keepdims=True)
     return q
 

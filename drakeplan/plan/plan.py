@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scenes.contact import Contact
-from scenes.effector import EFFECTORS
+from scenes.contact import Contact, contact_heading
+from scenes.effector import EFFECTORS, is_foot
 from scenes.stance import Stance
 
 COMPLETE, CONTACTS_ONLY = "complete", "contacts"  # the two values of a plan's status
@@ -207,20 +207,24 @@ class Plan:
         return 0.0 if self.motion is None or not len(self.motion) else float(self.motion.t[-1] - self.motion.t[0])
 
     def contact(self, index: int) -> Contact:
-        """The contact in this row of the table; its heading is that of the frame's x axis."""
+        """The contact in this row of the table, with the heading that its frame was made from."""
         table = self.contacts
-        X_WC = table.X_WC[index]
+        X_WC, effector = table.X_WC[index], self.effectors[table.effector[index]]
         return Contact(
-            effector=self.effectors[table.effector[index]],
+            effector=effector,
             surface=int(table.surface[index]),
             X_WC=X_WC,
             friction=float(table.friction[index]),
-            heading=float(np.arctan2(X_WC[1, 0], X_WC[0, 0])),
+            heading=contact_heading(X_WC) if is_foot(effector) else float(np.arctan2(X_WC[1, 0], X_WC[0, 0])),
         )
 
     def stance(self, index: int) -> Stance:
         """The stance in this row of `stances`."""
         return Stance(tuple(self.contact(c) if c >= 0 else None for c in self.stances[index]))
+
+    def contact_sequence(self) -> tuple[Stance, ...]:
+        """All stances in order."""
+        return tuple(self.stance(k) for k in range(len(self.stances)))
 
 
 def tabulate_stances(stances: Sequence[Stance]) -> tuple[PlanContacts, np.ndarray]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 
+from drakeplan.contact_planning.contact_plan import DynamicsName, HeuristicName
+from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 
-PLANNERS = ("search", "footsteps", "contacts", "gcs")
 MOST_FRICTION = 10.0  # beyond this programs lose their digits, and nothing on earth holds like that
-DYNAMICS = ("quasi-static", "exact", "learned")
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class PlanOptions:
         goal_radius: replaces the goal's.
         friction: replaces every friction in the scene.
         cone: friction cone.
-        planner: by name: "search", or a mixed-integer program ("footsteps", "contacts") or a graph of convex sets ("gcs").
+        planner: a name in `drakeplan.contact_planning.planner.PLANNERS`.
         dynamics: what every transition must satisfy: "quasi-static" balance, the centroidal program ("exact"), or what
             has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
             search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
@@ -40,8 +40,10 @@ class PlanOptions:
         deadline: limits the search alone.
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
+        use_palms: whether palms may be used.
         stop: polled by the search; True ends it and keeps the incumbent.
         command: recorded in the plan's provenance.
+        explain: whether a sequence whose dynamics are infeasible is asked what would make them feasible.
     """
 
     seed: int = 0
@@ -51,9 +53,9 @@ class PlanOptions:
     friction: float | None = None
     cone: FrictionCone = DEFAULT_CONE
     planner: str = "search"
-    dynamics: str | None = None
+    dynamics: DynamicsName | None = None
     timing: Timing = field(default_factory=Timing)
-    heuristic: Literal["grid", "euclidean", "admissible"] = "grid"
+    heuristic: HeuristicName = "grid"
     transition_model: str | None = None
     use_palms: bool = True
     deadline: float = 30.0
@@ -61,6 +63,7 @@ class PlanOptions:
     expansions: int | None = None
     stop: Callable[[], bool] | None = None
     command: str = ""
+    explain: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
@@ -90,12 +93,12 @@ def check_options(options: PlanOptions) -> None:
     Raises:
         InputError: an unknown name, or a number that is none or out of range.
     """
-    if options.planner not in PLANNERS:
-        raise unknown_name("planner", options.planner, PLANNERS)
-    if options.dynamics not in (None, *DYNAMICS):
-        raise unknown_name("dynamics", options.dynamics, DYNAMICS)
-    if options.planner != "search" and options.dynamics not in (None, "quasi-static"):
-        raise InputError(f"--dynamics {options.dynamics} needs --planner search, got --planner {options.planner}")
+    entry = planner_entry(options.planner)
+    if options.dynamics not in (None, *get_args(DynamicsName)):
+        raise unknown_name("dynamics", options.dynamics, get_args(DynamicsName))
+    if not entry.judges_transitions and options.dynamics not in (None, "quasi-static"):
+        able = " or ".join(name for name, other in PLANNERS.items() if other.judges_transitions)
+        raise InputError(f"--dynamics {options.dynamics} needs --planner {able}, got --planner {options.planner}")
     for key in ("deadline", "improve", "friction", "goal_radius"):
         value = getattr(options, key)
         if value is not None and not (np.isfinite(value) and value >= 0):

@@ -120,7 +120,7 @@ class AnaStar(Generic[State]):
         ended_by: "exhausted", "deadline", "expansions", "improve", "cancelled" or "" while it runs.
         best_cost: G, of the best path so far.
         clock: seconds; a caller that works between two paths may pass one that it can stop.
-        greed: weight of the heuristic against the cost so far until there is a first path; by default that cost does
+        heuristic_weight: weight of the heuristic against the cost so far until there is a first path; by default that cost does
             not count, as if G were infinite.
     """
 
@@ -134,13 +134,13 @@ class AnaStar(Generic[State]):
     ended_by: str = ""
     best_cost: float = np.inf
     clock: Callable[[], float] = time.perf_counter
-    greed: float = np.inf
+    heuristic_weight: float = np.inf
 
     def __post_init__(self) -> None:
         if not 0 <= self.epsilon < 1:
             raise ValueError(f"epsilon must lie in [0, 1), got {self.epsilon}")
-        if not self.greed > 0:
-            raise ValueError(f"greed must be > 0, got {self.greed}")
+        if not self.heuristic_weight > 0:
+            raise ValueError(f"heuristic_weight must be > 0, got {self.heuristic_weight}")
         self._charges = isinstance(self.domain, LateCosts)
         self._rng = np.random.default_rng(self.seed)
         self._heap: list[tuple[float, int, _Node[State]]] = []
@@ -269,7 +269,7 @@ class AnaStar(Generic[State]):
         return None
 
     def _key(self, node: _Node[State]) -> float:
-        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.g / self.greed
+        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.g / self.heuristic_weight
 
     def _ratio(self, node: _Node[State]) -> float:
         """e(s); infinite where h says that the goal is at hand."""

@@ -23,6 +23,7 @@ from optimization.contact_programs.contact_query import ContactEstimate, Contact
 from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.mixed_integer.data import MixedIntegerData, read_program
 from optimization.mixed_integer.solver import MixedIntegerSettings, Progress
+from scenes.footholds.start_stance import standing_com
 from scenes.input_error import InputError
 from scenes.stance import Stance
 
@@ -172,7 +173,7 @@ class ContactDynamicsProgram:
         prog.AddBoundingBoxConstraint(0.0, 0.0, self.v[-1])
 
     def _start_com(self) -> np.ndarray:
-        return self.query.start.feet_mean() + np.array([0.0, 0.0, self.query.robot.com_height[1]])
+        return standing_com(self.query.robot, self.query.start)
 
     def _add_newton(self) -> None:
         dt, eye = self.dynamics.dt, np.eye(3)

@@ -140,10 +140,3 @@ def rotation_about(w: np.ndarray) -> np.ndarray:
     a = np.sin(angle) / angle if angle > 1e-9 else 1.0
     b = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-6 else 0.5
     return np.eye(3) + a * W + b * W @ W
-
-
-def contact_heading(X_WC: np.ndarray) -> float:
-    """The heading whose projection on the contact's plane is its x axis [rad]; see `scenes.contact.contact_rotation`."""
-    x, n = X_WC[:3, 0], X_WC[:3, 2]
-    level = x - (x[2] / n[2]) * n if abs(n[2]) > 1e-9 else x
-    return float(np.arctan2(level[1], level[0]))

@@ -21,7 +21,6 @@ from optimization.balance.static_equilibrium import polygon_margin
 from optimization.convex.solver import ConvexSolver, SolveRecord, SolverSettings
 from optimization.elastic_strip.check import (
     Violations,
-    contact_heading,
     find_violations,
     frame_error,
     strip_faults,
@@ -32,6 +31,7 @@ from optimization.elastic_strip.state import StripState, course_pose, first_stat
 from optimization.multibody.body_capsules import BodyCapsules
 from optimization.multibody.kinematic_tree import difference
 from optimization.multibody.kinematics import Kinematics
+from scenes.contact import contact_heading
 from scenes.effector import is_foot
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain

@@ -19,6 +19,7 @@ from drakeplan.bench.lin2019.queries import (
     planner_options,
 )
 from drakeplan.bench.table import BenchTable
+from drakeplan.context import QueryContext
 from optimization.balance.friction import FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
@@ -58,8 +59,8 @@ def table(robot: Robot, ik: WholeBodyIK, kept: KeptCases, tell: Callable[[str], 
 
 
 def _cross(robot: Robot, ik: WholeBodyIK, scene: str, cone: FrictionCone, planner: str) -> Case:
-    options = planner_options(planner, 0, robot, cone)
-    trials = run_query(load_scene(scene, seed=0), robot, ik, options, seconds=SECONDS, deadline=DEADLINE)
+    context = QueryContext(load_scene(scene, seed=0), robot, ik, cone)
+    trials = run_query(context, *planner_options(planner, 0, robot), seconds=SECONDS, deadline=DEADLINE)
     found = trials.within(np.inf)
     return {"outcome": asdict(found), "program_s": trials.last_program_s, "why": trials.why}
 

@@ -13,9 +13,10 @@ from typing import Any, cast
 
 from drakeplan.bench.kept_cases import Case, KeptCases
 from drakeplan.bench.lin2019.queries import MAIN, model_and_weights
-from drakeplan.contact_planning.program_planner import FORMULATIONS, MixedIntegerPlanner
-from drakeplan.contact_planning.search_planner import ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.program_planner import FORMULATIONS, ProgramPlanner
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
+from drakeplan.context import QueryContext
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.search.ana_star import Limits
@@ -113,16 +114,16 @@ def whole_plans(
 
 def _first(robot: Robot, ik: WholeBodyIK, name: str, seed: int) -> Case:
     scene = load_scene(SCENE, seed=seed)
-    model = transition_model(scene.transition_model or "experiments")
-    options = ContactPlannerOptions(seed=seed)
-    planner = MixedIntegerPlanner(scene, robot, ik, name, options, model)
+    context = QueryContext(scene, robot, ik)
+    options = PlannerOptions(seed=seed, model=transition_model(scene.transition_model or "experiments"))
+    planner = ProgramPlanner(context, name, options)
     plans = list(planner.plans(Limits(deadline=DEADLINE, improve=0.0)))
     solver = next((note.solver for note in reversed(planner.notes) if note.solver), "")
     if not plans:
         return {"planner": name, "seed": seed, "found": False, "feasible": False, "first_s": NOTHING,
                 "confirm_s": NOTHING, "solver": solver}  # fmt: skip
     began = time.perf_counter()
-    estimate = sequence_dynamics(robot, plans[0].stances, options.cone)
+    estimate = sequence_dynamics(robot, plans[0].stances, context.cone)
     return {"planner": name, "seed": seed, "found": True, "feasible": bool(estimate.feasible),
             "first_s": plans[0].elapsed, "confirm_s": time.perf_counter() - began, "solver": solver}  # fmt: skip
 

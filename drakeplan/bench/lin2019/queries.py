@@ -15,10 +15,11 @@ import numpy as np
 
 from drakeplan.bench.contact_query import QueryOutcome, run_query
 from drakeplan.bench.kept_cases import Case, KeptCases
-from drakeplan.contact_planning.search_planner import ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchSettings
 from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.context import QueryContext
 from learning.surrogate import DynamicsSurrogate, load_surrogate
-from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
@@ -68,28 +69,33 @@ def all_queries(
                 seconds = LONG if seed < ABLATION_SEEDS else SHORT
                 key = {"bench": "lin2019", "part": "query", "scene": scene, "planner": planner, "seed": seed,
                        "seconds": seconds, **model_and_weights(robot, planner)}  # fmt: skip
-                options = planner_options(planner, seed, robot)
-                case = kept(key, lambda o=options, n=scene, s=seconds: _run(robot, ik, n, o, s))
+                chosen = planner_options(planner, seed, robot)
+                case = kept(key, lambda c=chosen, n=scene, s=seconds: _run(robot, ik, n, c, s))
                 queries.append(_query(scene, planner, seed, case))
                 tell(_progress(queries[-1]))
     return queries
 
 
-def planner_options(planner: str, seed: int, robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactPlannerOptions:
+def planner_options(planner: str, seed: int, robot: Robot) -> tuple[PlannerOptions, SearchSettings]:
     """How each of `PLANNERS` searches.
 
     Without calibration nothing tells the planner where not to trust its networks either. "Every branch" is as documented: a
     program for each new branch; "when popped" is what `--dynamics exact` does.
+
+    Args:
+        planner: one of `PLANNERS`.
+        seed: of the search.
+        robot: whose weights are used.
     """
-    options = ContactPlannerOptions(cone=cone, seed=seed, dynamics="exact")
+    options = PlannerOptions(seed=seed, dynamics="exact")
     if planner == QUASI_STATIC:
-        return replace(options, dynamics="quasi-static")
+        return replace(options, dynamics="quasi-static"), SearchSettings()
     if planner in (LEARNED, RAW):
-        surrogate = load_surrogate(robot)
+        learned, surrogate = replace(options, dynamics="learned"), load_surrogate(robot)
         if planner == RAW:
-            return replace(options, dynamics="learned", surrogate=uncalibrated(surrogate), ask_when_far=False)
-        return replace(options, dynamics="learned", surrogate=surrogate)
-    return replace(options, window=0) if planner == EXACT else options
+            return learned, SearchSettings(surrogate=uncalibrated(surrogate), ask_when_far=False)
+        return learned, SearchSettings(surrogate=surrogate)
+    return options, SearchSettings(window=0) if planner == EXACT else SearchSettings()
 
 
 def model_and_weights(robot: Robot, planner: str) -> dict[str, str]:
@@ -130,8 +136,11 @@ def outcome(facts: Any) -> QueryOutcome:
     return QueryOutcome(**{**facts, "robustness": tuple(tuple(row) for row in facts["robustness"])})
 
 
-def _run(robot: Robot, ik: WholeBodyIK, scene: str, options: ContactPlannerOptions, seconds: float) -> Case:
-    trials = run_query(load_scene(scene, seed=options.seed), robot, ik, options, seconds=seconds, deadline=DEADLINE)
+def _run(
+    robot: Robot, ik: WholeBodyIK, scene: str, chosen: tuple[PlannerOptions, SearchSettings], seconds: float
+) -> Case:
+    context = QueryContext(load_scene(scene, seed=chosen[0].seed), robot, ik)
+    trials = run_query(context, *chosen, seconds=seconds, deadline=DEADLINE)
     first = trials.plans[0].elapsed if trials.plans else 0.0
     times = [s for s in (SHORT, LONG) if s <= seconds]
     return {
@@ -163,4 +172,5 @@ def _load_kernels(robot: Robot, ik: WholeBodyIK) -> None:
     warm_up(robot, ik)
     scene = load_scene("rubble_corridor", seed=0)
     for planner in PLANNERS:
-        run_query(scene, robot, ik, planner_options(planner, 0, robot), seconds=0.0, deadline=0.3).within(np.inf)
+        context = QueryContext(scene, robot, ik)
+        run_query(context, *planner_options(planner, 0, robot), seconds=0.0, deadline=0.3).within(np.inf)

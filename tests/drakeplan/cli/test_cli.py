@@ -22,7 +22,7 @@ from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import read_plan, write_plan
 from drakeplan.progress import ProgressEvent
 from drakeplan.query.options import PlanOptions
-from drakeplan.query.planning import PlanResult
+from drakeplan.query.result import PlanResult
 from scenes.input_error import InputError
 from scenes.library.flat import named as flat
 

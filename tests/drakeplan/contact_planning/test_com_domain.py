@@ -14,7 +14,6 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.dynamics_evaluator import ExactDynamics, TransitionEstimates, stance_of
 from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
-from drakeplan.contact_planning.start_stance import start_stance
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
@@ -22,6 +21,7 @@ from drakeplan.search.ana_star import Limits
 from optimization.balance.friction import FrictionCone
 from optimization.centroidal.transition_dynamics import TransitionDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.footholds.start_stance import start_stance
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.packed_terrain import pack_terrain

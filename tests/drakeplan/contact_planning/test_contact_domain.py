@@ -10,8 +10,8 @@ import pytest
 
 from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State
 from drakeplan.contact_planning.contact_pool import ContactPool
-from drakeplan.contact_planning.start_stance import check_goal, start_stance
 from drakeplan.search.ana_star import AnaStar
+from scenes.footholds.start_stance import check_goal, start_stance
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain

@@ -10,7 +10,7 @@ import pytest
 
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
 from drakeplan.motion.assembly import assemble_plan
-from drakeplan.motion.course_dynamics import Guide
+from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.timing.step_timing import Timing
@@ -59,13 +59,13 @@ def test_nobody_stands_on_that_slope() -> None:
         assert not frame_stands_alone(FrictionCone(cone).code, 0.5, foot(0, 0.9).R_WC)
 
 
-def test_the_guide_passes_through_key_postures_and_keeps_its_shape_between() -> None:
+def test_the_com_course_passes_through_key_postures_and_keeps_its_shape_between() -> None:
     t = np.linspace(0.0, 2.0, 21)
-    guide = Guide(t, np.column_stack([t**2, np.zeros(21), np.ones(21)]))
+    com_course = ComCourse(t, np.column_stack([t**2, np.zeros(21), np.ones(21)]))
     key_t = np.array([0.0, 1.0, 2.0])
-    keys = guide.at(key_t) + np.array([[0.0, 0.0, 0.0], [0.01, 0.02, 0.0], [0.0, 0.0, 0.0]])
-    np.testing.assert_allclose(guide.through(key_t, keys, key_t), keys, atol=1e-12)
-    np.testing.assert_allclose(guide.through(key_t, guide.at(key_t), t), guide.at(t), atol=1e-12)
+    keys = com_course.at(key_t) + np.array([[0.0, 0.0, 0.0], [0.01, 0.02, 0.0], [0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(com_course.meeting(key_t, keys, key_t), keys, atol=1e-12)
+    np.testing.assert_allclose(com_course.meeting(key_t, com_course.at(key_t), t), com_course.at(t), atol=1e-12)
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_who_keeps_moving_gets_down_and_the_verifier_agrees(tmp_path: Path) -> N
     assert np.linalg.norm(estimate.trajectory.linear_momentum, axis=1).max() > 0.2 * ROBOT.mass
     maker = MotionMaker(ROBOT, scene.terrain, MotionOptions(dt=0.2, shift=TIMING.shift, swing=TIMING.swing))
     assert not maker.run(stances, lambda event: None).ok  # resting places are what it looks for
-    motion = maker.run(stances, lambda event: None, Guide(estimate.trajectory.t, estimate.trajectory.com))
+    motion = maker.run(stances, lambda event: None, ComCourse(estimate.trajectory.t, estimate.trajectory.com))
     assert motion.ok, motion.reason
     plan = assemble_plan(_goal_at_the_end(scene, stances), ROBOT, stances, motion, cone="inner", provenance={})
     write_plan(plan, tmp_path / "plan.h5")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import drakeplan
 from drakeplan.motion.free_timing import effort, free_durations, planned_schedule, round_to_grid
-from drakeplan.query.planning import PlanOptions
+from drakeplan.query.options import PlanOptions
 from drakeplan.timing.phases import make_schedule
 from drakeplan.timing.step_timing import Timing
 from scenes.contact import Contact

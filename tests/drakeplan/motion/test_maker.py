@@ -11,7 +11,7 @@ from pydrake.multibody.tree import MultibodyForces
 
 from drakeplan.bench.kinodynamic import plan_gap
 from drakeplan.motion.check import velocities
-from drakeplan.motion.course_dynamics import through
+from drakeplan.motion.course_dynamics import monotone_course
 from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult, make_motion
 from optimization.kinodynamic.momentum_gap import PROMISED
 from scenes.contact import Contact, contact_pose
@@ -291,7 +291,7 @@ def test_a_robot_that_only_stands_stands():
 def test_a_course_passes_its_keys_at_rest_at_both_ends_without_overshoot():
     key_t, key_x = np.array([0.0, 1.0, 1.5, 3.0]), np.array([[0.0], [1.0], [0.4], [0.4]])
     t = np.linspace(0.0, 3.0, 3001)
-    x = through(key_t, key_x, t)[:, 0]
+    x = monotone_course(key_t, key_x, t)[:, 0]
     assert np.allclose(np.interp(key_t, t, x), key_x[:, 0])
     assert abs(x[1] - x[0]) < 1e-5
     assert abs(x[-1] - x[-2]) < 1e-5

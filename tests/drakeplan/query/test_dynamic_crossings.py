@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drakeplan.query.options import PlanOptions
-from drakeplan.query.planning import PlanResult, plan_scene
+from drakeplan.query.planning import plan_scene
+from drakeplan.query.result import PlanResult
 from drakeplan.timing.step_timing import Timing
 from scenes.library import slippery_slope, steep_slope, wider_gap
 from scenes.robots.robot import load_robot

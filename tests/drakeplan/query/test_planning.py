@@ -11,7 +11,8 @@ import pytest
 
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.query.options import PlanOptions
-from drakeplan.query.planning import PlanResult, plan_scene
+from drakeplan.query.planning import plan_scene
+from drakeplan.query.result import PlanResult
 from scenes.contact import Contact, contact_pose
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError

@@ -37,11 +37,11 @@ class Ladder:
         return True
 
 
-@pytest.mark.parametrize("greed", [1.0, 20.0, np.inf])
-def test_late_costs_count_in_full_and_the_last_path_is_the_cheapest(greed: float) -> None:
+@pytest.mark.parametrize("heuristic_weight", [1.0, 20.0, np.inf])
+def test_late_costs_count_in_full_and_the_last_path_is_the_cheapest(heuristic_weight: float) -> None:
     for seed in range(40):
         late, early = Ladder(seed, True), Ladder(seed, False)
-        found = list(AnaStar(late, (0, 0), greed=greed).run())
+        found = list(AnaStar(late, (0, 0), heuristic_weight=heuristic_weight).run())
         known = list(AnaStar(early, (0, 0)).run())
         assert found[-1].cost == pytest.approx(known[-1].cost)
         for f in found:
@@ -50,13 +50,20 @@ def test_late_costs_count_in_full_and_the_last_path_is_the_cheapest(greed: float
             assert f.cost == pytest.approx(cost)
 
 
-def test_less_greed_finds_a_cheaper_first_path() -> None:
-    def first(greed: float) -> float:
-        return float(np.mean([next(AnaStar(Ladder(k, True), (0, 0), greed=greed).run()).cost for k in range(40)]))
+def test_less_heuristic_weight_finds_a_cheaper_first_path() -> None:
+    def first(heuristic_weight: float) -> float:
+        return float(
+            np.mean(
+                [
+                    next(AnaStar(Ladder(k, True), (0, 0), heuristic_weight=heuristic_weight).run()).cost
+                    for k in range(40)
+                ]
+            )
+        )
 
     assert first(1.0) < first(5.0) < first(np.inf)
 
 
-def test_greed_must_be_positive() -> None:
-    with pytest.raises(ValueError, match="greed"):
-        AnaStar(Ladder(0, True), (0, 0), greed=0.0)
+def test_heuristic_weight_must_be_positive() -> None:
+    with pytest.raises(ValueError, match="heuristic_weight"):
+        AnaStar(Ladder(0, True), (0, 0), heuristic_weight=0.0)

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from optimization.balance.balance_regions import BalancePolygons, edge_rows
 from optimization.balance.static_equilibrium import balance_region
-from optimization.elastic_strip.check import contact_heading, frame_error, rotation_about
+from optimization.elastic_strip.check import frame_error, rotation_about
 from optimization.elastic_strip.clearance import WITHIN, axis_to_polygon
 from optimization.elastic_strip.rows import StripRows, linearise, make_strip_rows
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
-from scenes.contact import Contact, contact_pose
+from scenes.contact import Contact, contact_heading, contact_pose
 from scenes.library.plates import rectangle, tilted_plate
 from scenes.pose import rpy_rotation
 from scenes.robots.robot import load_robot

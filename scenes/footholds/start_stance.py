@@ -95,6 +95,16 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot) -> Goal:
     )
 
 
+def standing_com(robot: Robot, stance: Stance) -> np.ndarray:
+    """(3,) where the CoM is taken to be in a stance at rest [m]: over the mean of the feet, at its usual height.
+
+    Args:
+        robot: whose CoM.
+        stance: with both feet held.
+    """
+    return stance.feet_mean() + np.array([0.0, 0.0, robot.com_height[1]])
+
+
 def extent_text(scene: Scene) -> str:
     """Where the terrain is, for messages."""
     low, high = scene.terrain.extent

@@ -1,0 +1,84 @@
+"""What any planner of contacts is asked, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from drakeplan.timing.step_timing import Timing
+from scenes.stance import Stance, changed_effector
+from scenes.transition_model import TransitionModel, transition_model
+
+DynamicsName = Literal["quasi-static", "exact", "learned"]
+HeuristicName = Literal["grid", "euclidean", "admissible"]
+
+
+@dataclass(frozen=True)
+class PlannerOptions:
+    """What a query may ask of any planner; a planner leaves out what it has no use for.
+
+    Attributes:
+        seed: of every random choice.
+        use_palms: whether palms may be used at all.
+        heuristic: "grid" (Lin 2020 eq. 6.7), "euclidean" (Lin 2020 eq. 3.3) or "admissible" (gives a bound).
+        dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
+            centroidal program ("exact"), or for the networks that learned it ("learned").
+        timing: of every transition.
+        model: the next contacts to choose from.
+    """
+
+    seed: int = 0
+    use_palms: bool = True
+    heuristic: HeuristicName = "grid"
+    dynamics: DynamicsName = "quasi-static"
+    timing: Timing = field(default_factory=Timing)
+    model: TransitionModel = field(default_factory=transition_model)
+
+
+@dataclass(frozen=True)
+class ContactPlan:
+    """A contact sequence that passed inverse kinematics and balance at both critical configurations of each step.
+
+    Attributes:
+        stances: from start to goal, consecutive ones differ in one end effector.
+        states: the planner's own names for them; nobody else reads them.
+        cost: sum of the edge costs (Lin 2020 eq. 3.2).
+        bound: at most this many times the optimum; None where there is no guarantee.
+        expansions: nodes expanded, or programs solved, until it was found.
+        elapsed: seconds since planning began (terrain packed, grid, search; not loading).
+        predicted_com: (n, 3) CoM at each stance as the planner saw it [m]; None without dynamics.
+        predicted_effort: sum of the transitions' dynamics objectives as the planner saw them; None without dynamics.
+    """
+
+    stances: tuple[Stance, ...]
+    states: tuple[tuple[int, ...], ...]
+    cost: float
+    bound: float | None
+    expansions: int
+    elapsed: float
+    predicted_com: np.ndarray | None = None
+    predicted_effort: float | None = None
+
+    @property
+    def palms_used(self) -> int:
+        """Transitions that make or move a palm contact."""
+        movers = [changed_effector(a, b) for a, b in zip(self.stances, self.stances[1:], strict=False)]
+        return sum(e >= 2 and b.contacts[e] is not None for e, b in zip(movers, self.stances[1:], strict=True))
+
+
+@dataclass(frozen=True)
+class PlannerCounts:
+    """What the last run of `ContactPlanner.plans` did.
+
+    Attributes:
+        expansions: nodes expanded, or programs solved.
+        ended_by: "deadline", "cancelled", "expansions", "improve", "bound" or "exhausted"; "" before it ended.
+        transitions_judged: transitions whose dynamics were asked for in all runs, by who answered ("learned", "exact").
+    """
+
+    expansions: int = 0
+    ended_by: str = ""
+    transitions_judged: Mapping[str, int] = field(default_factory=dict)

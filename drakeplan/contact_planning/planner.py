@@ -1,0 +1,126 @@
+"""Whoever finds contacts: the Protocol that every planner keeps, and the registry of planners by name.
+
+Nothing heavy is imported here, so that `--help` can list the planners at once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Protocol
+
+from scenes.input_error import unknown_name
+
+if TYPE_CHECKING:
+    from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
+    from drakeplan.context import QueryContext
+    from drakeplan.search.ana_star import Limits
+
+
+class ContactPlanner(Protocol):
+    """Finds contact sequences for one query. All that a query asks of whoever plans contacts."""
+
+    setup_s: float
+    """seconds it took to be made, the terrain packed where nobody had done that before"""
+
+    def start_problem(self) -> str:
+        """Why the robot cannot stand at the start, "" if it can."""
+        ...
+
+    def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
+        """Yields ever cheaper plans until a limit fires; a later call goes on with all that was learnt.
+
+        Args:
+            limits: deadline [s], expansions and the like.
+            clock: seconds; what the deadline is measured by.
+        """
+        ...
+
+    def forbid(self, plan: ContactPlan, transition: int) -> None:
+        """Bars a transition that failed a later, stricter check, so that the next plan goes another way.
+
+        Args:
+            plan: one that this planner gave.
+            transition: k, from stance k to stance k + 1.
+        """
+        ...
+
+    def require_static_balance(self, required: bool) -> bool:
+        """Asks, or asks no longer, that transitions pass their critical configurations at rest too.
+
+        Args:
+            required: whether they must.
+
+        Returns:
+            Whether that changes anything for this planner.
+        """
+        ...
+
+    def why_not(self) -> str:
+        """Why there is no plan, in one line."""
+        ...
+
+    def counts(self) -> PlannerCounts:
+        """What the last run did."""
+        ...
+
+
+@dataclass(frozen=True)
+class PlannerEntry:
+    """A planner by name.
+
+    Attributes:
+        about: what it is, for `--help`.
+        build: makes one for a query; "module:name" where the module is to be imported when the planner is first used.
+        judges_transitions: whether `--dynamics` chooses what each transition must satisfy; others have dynamics of
+            their own.
+    """
+
+    about: str
+    build: Callable[[QueryContext, PlannerOptions], ContactPlanner] | str
+    judges_transitions: bool = False
+
+
+PLANNERS: dict[str, PlannerEntry] = {
+    "search": PlannerEntry(
+        "search of contacts (ANA*)", "drakeplan.contact_planning.search_planner:build", judges_transitions=True
+    ),
+    "footsteps": PlannerEntry(
+        "mixed-integer program of footsteps", "drakeplan.contact_planning.program_planner:build_footsteps"
+    ),
+    "contacts": PlannerEntry(
+        "mixed-integer program of contacts with momentum", "drakeplan.contact_planning.program_planner:build_contacts"
+    ),
+    "gcs": PlannerEntry("graph of convex sets", "drakeplan.contact_planning.program_planner:build_convex_set_graph"),
+}
+
+
+def planner_entry(name: str) -> PlannerEntry:
+    """The planner of this name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in PLANNERS:
+        raise unknown_name("planner", name, PLANNERS)
+    return PLANNERS[name]
+
+
+def make_planner(name: str, context: QueryContext, options: PlannerOptions) -> ContactPlanner:
+    """The planner of this name for a query.
+
+    Args:
+        name: in `PLANNERS`.
+        context: of the query.
+        options: what is asked of it.
+
+    Raises:
+        InputError: no such planner; start or goal missing or off the terrain; no usable weights for learned dynamics.
+    """
+    build = planner_entry(name).build
+    if isinstance(build, str):
+        module, _, attribute = build.partition(":")
+        build = getattr(import_module(module), attribute)
+    return build(context, options)

@@ -1,0 +1,71 @@
+"""What everything in one query shares: made once, whoever asks first pays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.footholds.start_stance import check_goal, start_stance
+from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.robot import Robot
+from scenes.scene import Goal, Scene
+from scenes.stance import Stance
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
+
+
+@dataclass(frozen=True, eq=False)
+class QueryContext:
+    """A scene and a robot with what is made of them once: every planner, motion and attempt of a query takes it from here.
+
+    Attributes:
+        scene: terrain, start and goal.
+        robot: who crosses.
+        ik: its inverse kinematics, with its kinematics and body capsules.
+        cone: friction cone of the whole query.
+    """
+
+    scene: Scene
+    robot: Robot
+    ik: WholeBodyIK
+    cone: FrictionCone = DEFAULT_CONE
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
+
+    @cached_property
+    def packed(self) -> PackedTerrain:
+        """The terrain as arrays for compiled code."""
+        return pack_terrain(self.scene.terrain)
+
+    @cached_property
+    def robot_plant(self) -> RobotPlant:
+        """Drake's plant of the robot with the terrain around it."""
+        return build_plant(self.robot, self.scene.terrain)
+
+    @cached_property
+    def start(self) -> Stance:
+        """The first stance.
+
+        Raises:
+            InputError: the scene has no start, or no ground takes both soles there.
+        """
+        return start_stance(self.scene, self.packed, self.robot)
+
+    @cached_property
+    def goal(self) -> Goal:
+        """The goal with its height.
+
+        Raises:
+            InputError: the scene has no goal, or no ground takes a sole near it.
+        """
+        return check_goal(self.scene, self.packed, self.robot)
+
+    @cached_property
+    def scene_on_ground(self) -> Scene:
+        """The scene with start and goal at the height of the ground that they were set down on."""
+        start = self.scene.start
+        if start is not None and not start.stance:
+            start = replace(start, xyz=(start.xyz[0], start.xyz[1], float(self.start.feet_mean()[2])))
+        return replace(self.scene, start=start, goal=self.goal)

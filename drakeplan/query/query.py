@@ -1,0 +1,250 @@
+"""One query with one planner, in five steps: search, dynamics of the whole sequence, motion, verification, bar.
+
+    search -> whole-sequence dynamics -> motion -> verification -> complete plan
+      ^                                    |            |
+      +------------- bar <-----------------+------------+
+
+What a later step refuses is barred for the planner, and the search goes on with all that it has learnt.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+
+from drakeplan.contact_planning.contact_plan import ContactPlan
+from drakeplan.contact_planning.planner import ContactPlanner
+from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
+from drakeplan.context import QueryContext
+from drakeplan.motion.assembly import assemble_plan
+from drakeplan.motion.course_dynamics import ComCourse
+from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
+from drakeplan.plan.plan import Plan, tabulate_stances
+from drakeplan.plan.verified import verify_plan
+from drakeplan.progress import Progress, ProgressEvent
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.record import QueryRecord, SearchClock
+from drakeplan.query.refusal import Refusal
+from drakeplan.query.result import PlanResult, Status
+from drakeplan.search.ana_star import Limits
+from drakeplan.verifier import Report
+from scenes.stance import Stance
+
+WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier, whose limits are a little wider
+
+
+class Query:
+    """The rounds of one query.
+
+    Attributes:
+        refusal: the last one of motion or verification, None before.
+    """
+
+    def __init__(
+        self, context: QueryContext, options: PlanOptions, planner: ContactPlanner, record: QueryRecord, tell: Progress
+    ) -> None:
+        """Prepares the motion stage.
+
+        Args:
+            context: of the query.
+            options: what the user chose.
+            planner: finds the contacts.
+            record: numbers of the query; kept up to date.
+            tell: told what goes on.
+        """
+        self.context, self.options, self.planner = context, options, planner
+        self.record, self.tell = record, tell
+        self.refusal: Refusal | None = None
+        self._infeasible: Refusal | None = None  # the last sequence whose whole dynamics were infeasible
+        self._courses: dict[
+            tuple[Stance, ...], ComCourse
+        ] = {}  # CoM of the sequences whose whole dynamics are feasible
+        self._clock, self._rounds = SearchClock(), 0
+        timing = options.timing
+        wanted = MotionOptions(
+            dt=timing.step or MotionOptions.dt,
+            shift=timing.shift,
+            swing=timing.swing,
+            free=timing.free,
+        )
+        self._motion = MotionMaker(context, wanted)
+
+    def run(self, deadline: float, max_repairs: int) -> PlanResult:
+        """The verified plan, or how far it got.
+
+        Args:
+            deadline: seconds of search, all rounds together.
+            max_repairs: times that a refused sequence is barred and the search goes on.
+        """
+        for repair in range(max_repairs + 1):
+            sequence = self._search(deadline)
+            if sequence is None:
+                break
+            motion = self._make_motion(sequence)
+            plan, verification = self._verify(sequence, motion)
+            if verification is not None and verification.holds:
+                return self._result("complete", "", plan, verification)
+            self.refusal = Refusal.of_motion(sequence, motion, verification)
+            if not self._bar(self.refusal):
+                break
+            if repair == 0:
+                self.planner.require_static_balance(True)
+        return self._incomplete()
+
+    # 1 Search ------------------------------------------------------------------------------------------------------
+
+    def _search(self, deadline: float) -> ContactPlan | None:
+        """The best sequence whose whole dynamics are feasible; where there is none, without static balance."""
+        sequence = self._last_feasible(self._incumbents(deadline))
+        if sequence is None and self.planner.require_static_balance(False):
+            sequence = self._last_feasible(self._incumbents(deadline))
+        if sequence is not None:
+            contacts, _ = tabulate_stances(sequence.stances)
+            self.record.cost, self.record.bound = sequence.cost, sequence.bound
+            self.record.contacts, self.record.stances = len(contacts), len(sequence.stances)
+            self.record.palms_used = sequence.palms_used
+        return sequence
+
+    def _incumbents(self, deadline: float) -> list[ContactPlan]:
+        """The sequences of one round of search, best last."""
+        limits = Limits(
+            deadline=max(deadline - self.record.planning_s, 0.0),
+            expansions=self.options.expansions,
+            improve=self._improve_for() if not self._rounds else 0.0,
+            stop=self.options.stop,
+        )
+        self._rounds += 1
+        found: list[ContactPlan] = []
+        began = self._clock()
+        for plan in self.planner.plans(limits, self._clock):
+            if self.record.time_to_first_s is None:
+                self.record.time_to_first_s = plan.elapsed
+            self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self._clock() - began))
+            found.append(plan)
+            if plan.predicted_com is not None and not self._courses:
+                self._whole_sequence_feasible(plan)
+        self.record.planning_s += self._clock() - began
+        counts = self.planner.counts()
+        self.record.expansions += counts.expansions
+        if counts.transitions_judged:
+            self.record.transitions_judged = dict(counts.transitions_judged)
+        if counts.ended_by != "exhausted":
+            self.record.limits_fired.append(counts.ended_by)
+        return found
+
+    def _improve_for(self) -> float | None:
+        """Seconds of improvement; none where a budget of expansions must give the same plan on any machine."""
+        return self.options.improve if self.options.expansions is None else None
+
+    # 2 Dynamics of the whole sequence --------------------------------------------------------------------------------
+
+    def _last_feasible(self, found: list[ContactPlan]) -> ContactPlan | None:
+        """The last sequence whose whole dynamics are feasible, from the last to the first (Lin et al. 2019 sec. VI)."""
+        for plan in reversed(found):
+            if plan.predicted_com is None or self._whole_sequence_feasible(plan):
+                return plan
+        return None
+
+    def _whole_sequence_feasible(self, plan: ContactPlan) -> bool:
+        """Whether transitions that are feasible one by one are so in a row (Lin et al. 2019 sec. VI)."""
+        if plan.stances in self._courses:
+            return True
+        self._clock.pause()
+        began = time.perf_counter()
+        estimate = sequence_dynamics(self.context.robot, plan.stances, self.context.cone, self.options.timing)
+        self.record.sequences_tested += 1
+        self.record.dynamics_s += time.perf_counter() - began
+        if not estimate.feasible:
+            self._infeasible = Refusal("dynamics", estimate.reason, plan)
+        elif self.record.time_to_first_feasible_s is None:
+            self.record.time_to_first_feasible_s = plan.elapsed + self.record.dynamics_s
+        if estimate.feasible and estimate.trajectory is not None:
+            self._courses[plan.stances] = ComCourse(estimate.trajectory.t, estimate.trajectory.com)
+        self._clock.resume()
+        return estimate.feasible
+
+    # 3 Motion ------------------------------------------------------------------------------------------------------
+
+    def _make_motion(self, sequence: ContactPlan) -> MotionResult:
+        """The motion over places where the robot can rest; where there is none, along the CoM of the whole dynamics."""
+        stances, record = sequence.stances, self.record
+        self.tell(ProgressEvent("dynamics", f"{len(stances)} stances", sequence.cost, sequence.bound))
+        motion = self._motion.run(stances, self.tell)
+        if motion.centroidal is None and stances in self._courses:
+            moving = self._motion.run(stances, self.tell, self._courses[stances])
+            motion = min(moving, motion, key=lambda m: (not m.ok, m.centroidal is None, len(m.problems)))
+        record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
+        record.motion_s += motion.timings.get("motion_s", 0.0)
+        if motion.centroidal is not None and record.time_to_first_feasible_s is None:
+            record.time_to_first_feasible_s = (record.time_to_first_s or 0.0) + record.dynamics_s
+        return motion
+
+    # 4 Verification --------------------------------------------------------------------------------------------------
+
+    def _verify(self, sequence: ContactPlan, motion: MotionResult) -> tuple[Plan | None, Report | None]:
+        """The plan and the verifier's report on it; neither where too much is wrong with the motion already."""
+        if not motion.ok and not 0 < len(motion.problems) <= WORTH_VERIFYING:
+            return None, None
+        plan = self._assemble(sequence, motion)
+        self.tell(ProgressEvent("verify", "", self.record.cost, self.record.bound))
+        began = time.perf_counter()
+        report = verify_plan(plan)
+        self.record.verification_s += time.perf_counter() - began
+        return plan, report
+
+    # 5 Bar -----------------------------------------------------------------------------------------------------------
+
+    def _bar(self, refusal: Refusal) -> bool:
+        """Bars the transitions that a refusal is about; False where nobody knows which."""
+        transitions = refusal.transitions()
+        for transition in transitions:
+            self.planner.forbid(refusal.sequence, transition)
+        if transitions:
+            self.tell(ProgressEvent("search", f"{refusal.reason}; searching again"))
+            self.record.repairs += 1
+        return bool(transitions)
+
+    # What comes out --------------------------------------------------------------------------------------------------
+
+    def _incomplete(self) -> PlanResult:
+        """The last sequence that motion or verification refused, else why there is none."""
+        refusal = self.refusal
+        if refusal is not None:
+            plan = self._assemble(refusal.sequence, None)
+            reason = f"contacts found, but {refusal.reason}"
+            return self._result("contacts", reason, plan, refusal.verification, refusal)
+        refusal = self._infeasible
+        if refusal is not None:
+            tested = self.record.sequences_tested
+            reason = f"{tested} contact sequences found, none dynamically feasible: {refusal.reason}"
+            return self._result("none", reason, None, None, refusal)
+        return self._result("none", self.planner.why_not(), None, None)
+
+    def _assemble(self, sequence: ContactPlan, motion: MotionResult | None) -> Plan:
+        facts: dict[str, object] = {
+            "seed": self.options.seed,
+            "command": self.options.command,
+            "planner": self.options.planner,
+            "dynamics": self.record.dynamics,
+            "limits_fired": list(self.record.limits_fired),
+            "expansions": self.record.expansions,
+            "cost": self.record.cost,
+            "bound": self.record.bound,
+        }
+        if sequence.predicted_com is not None:
+            facts["predicted_com"] = sequence.predicted_com.tolist()
+        context = self.context
+        return assemble_plan(
+            context.scene_on_ground, context.robot, sequence.stances, motion, cone=context.cone, provenance=facts
+        )
+
+    def _result(
+        self,
+        status: Status,
+        reason: str,
+        plan: Plan | None,
+        verification: Report | None,
+        refusal: Refusal | None = None,
+    ) -> PlanResult:
+        report = json.loads(json.dumps(self.record.as_dict(status, reason, verification)))
+        return PlanResult(status, reason, plan, report, verification, tuple(self.record.notes), refusal)

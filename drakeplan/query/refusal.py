@@ -1,0 +1,69 @@
+"""Why a contact sequence did not become a verified plan, and which of its transitions are to be barred."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from drakeplan.contact_planning.contact_plan import ContactPlan
+from drakeplan.motion.maker import MotionResult
+from drakeplan.verifier import Report
+
+
+@dataclass(frozen=True, eq=False)
+class Refusal:
+    """A contact sequence and the step of the query that refused it.
+
+    Attributes:
+        step: "dynamics" of the whole sequence, "motion" or "verification".
+        reason: one line.
+        sequence: what was refused.
+        motion: how far the motion got; None where it was not tried.
+        verification: the verifier's report; None where it was not asked.
+    """
+
+    step: Literal["dynamics", "motion", "verification"]
+    reason: str
+    sequence: ContactPlan
+    motion: MotionResult | None = None
+    verification: Report | None = None
+
+    @staticmethod
+    def of_motion(sequence: ContactPlan, motion: MotionResult, verification: Report | None) -> Refusal:
+        """The refusal of a motion: by the verifier where the motion stage had nothing to say against it.
+
+        Args:
+            sequence: contacts.
+            motion: what was made of them.
+            verification: the verifier's report; None where it was not asked.
+        """
+        if motion.ok and verification is not None:
+            reason = f"verification failed: {', '.join(verification.failed)}"
+            return Refusal("verification", reason, sequence, motion, verification)
+        return Refusal("motion", motion.reason, sequence, motion, verification)
+
+    @property
+    def dynamics_infeasible(self) -> bool:
+        """Whether no momentum trajectory was found for the whole sequence."""
+        if self.step == "dynamics":
+            return True
+        motion = self.motion
+        return motion is not None and motion.centroidal is None and not motion.failed_transitions
+
+    def transitions(self) -> list[int]:
+        """Transitions to bar, ascending; empty where nobody knows which.
+
+        A swing that fails bars its own transition. What fails while all contacts of a stance are held is that stance's
+        fault, so the transition that led to it is barred.
+        """
+        if self.motion is None:
+            return []
+        at = set(self.motion.failed_transitions)
+        for problem in self.motion.problems:
+            phase = int(self.motion.schedule.phase_at(np.array([problem.time]))[0])
+            at.add(phase // 2 if phase % 2 else phase // 2 - 1)
+            if phase % 2 == 0:
+                at.discard(problem.transition)
+        return sorted(k for k in at if 0 <= k < len(self.sequence.stances) - 1)

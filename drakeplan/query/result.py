@@ -1,0 +1,38 @@
+"""What came of a query."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drakeplan.plan.plan import Plan
+from drakeplan.query.explanation import Explanation
+from drakeplan.query.refusal import Refusal
+from drakeplan.verifier import Report
+
+Status = Literal["complete", "contacts", "none"]
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """What came of a query.
+
+    Attributes:
+        status: "complete" (the verifier holds), "contacts" (a contact sequence without a verified motion) or "none".
+        reason: one line; "" when complete.
+        plan: None when there is none.
+        report: numbers for people and programs, as JSON allows.
+        verification: the verifier's report on the complete plan, else None.
+        notes: what was done otherwise than asked, one line each.
+        refusal: the contact sequence that was refused last, and why; None where none was.
+        explanation: why its dynamics are infeasible, where that was asked for and is so.
+    """
+
+    status: Status
+    reason: str
+    plan: Plan | None
+    report: dict[str, object]
+    verification: Report | None = None
+    notes: tuple[str, ...] = ()
+    refusal: Refusal | None = None
+    explanation: Explanation | None = None
