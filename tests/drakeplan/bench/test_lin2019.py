@@ -35,8 +35,8 @@ from drakeplan.bench.lin2019.queries import (
     weights_digest,
 )
 from drakeplan.bench.robustness import COLUMNS, pooled_means, robustness, robustness_sums
+from drakeplan.contact_planning.contact_plan import ContactPlan
 from drakeplan.contact_planning.program_planner import FORMULATIONS
-from drakeplan.contact_planning.search_planner import ContactPlan
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
 from learning.surrogate import load_surrogate
 from optimization.centroidal.estimate import CentroidalEstimate
@@ -188,12 +188,12 @@ def test_raw_logits_accept_at_one_half_and_kept_cases_are_those_of_the_same_weig
     assert raw.network is surrogate.network
     assert weights_digest(surrogate) == weights_digest(load_surrogate(ROBOT)) != weights_digest(raw)
     asked = {name: planner_options(name, 3, ROBOT) for name in PLANNERS}
-    assert [asked[name].dynamics for name in PLANNERS] == ["quasi-static", "learned", "learned", "exact", "exact"]
-    assert [asked[name].ask_when_far for name in PLANNERS] == [True, True, False, True, True]
-    assert asked[EXACT].window == 0 < asked[LAZY].window, (
+    assert [asked[name][0].dynamics for name in PLANNERS] == ["quasi-static", "learned", "learned", "exact", "exact"]
+    assert [asked[name][1].ask_when_far for name in PLANNERS] == [True, True, False, True, True]
+    assert asked[EXACT][1].window == 0 < asked[LAZY][1].window, (
         "a program for every branch, as documented, and for what is popped"
     )
-    assert {o.seed for o in asked.values()} == {3}
+    assert {options.seed for options, _ in asked.values()} == {3}
     keys = [model_and_weights(ROBOT, name)["weights"] for name in PLANNERS]
     assert keys == ["", weights_digest(surrogate), weights_digest(surrogate), "", ""]
 

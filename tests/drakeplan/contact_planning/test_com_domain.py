@@ -8,20 +8,23 @@ import numpy as np
 import pytest
 
 from drakeplan.contact_planning.com_costs import DynamicWeights
-from drakeplan.contact_planning.com_domain import COM_CELL, DynamicDomain
+from drakeplan.contact_planning.com_domain import ComDomain
 from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights
+from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
+from drakeplan.contact_planning.dynamic_domain import COM_CELL
 from drakeplan.contact_planning.dynamics_evaluator import ExactDynamics, TransitionEstimates, stance_of
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
-from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
+from drakeplan.contact_planning.search_planner import SearchPlanner, SearchSettings
+from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
 from drakeplan.contact_planning.transition_check import TransitionCheck
+from drakeplan.context import QueryContext
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.search.ana_star import Limits
 from optimization.balance.friction import FrictionCone
 from optimization.centroidal.transition_dynamics import TransitionDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
-from scenes.footholds.start_stance import start_stance
+from scenes.footholds.start_stance import standing_com, start_stance
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.packed_terrain import pack_terrain
@@ -58,8 +61,9 @@ def domain(ik: WholeBodyIK, evaluator=None, weights: DynamicWeights | None = Non
     pool = ContactPool(packed)
     check = TransitionCheck(pool, ROBOT, ik, packed, FrictionCone.INNER)
     model = transition_model("training")
-    contacts = ContactDomain(packed, ROBOT, SCENE.goal, model, check, PlannerWeights(), "grid", True, False)
-    dynamic = DynamicDomain(contacts, evaluator or ExactDynamics(pool, ROBOT), weights)
+    options = PlannerOptions(dynamics="exact", model=model)
+    contacts = ContactDomain(packed, ROBOT, SCENE.goal, check, options, PlannerWeights())
+    dynamic = ComDomain(contacts, evaluator or ExactDynamics(pool, ROBOT), weights)
     stance = start_stance(SCENE, packed, ROBOT)
     held = tuple(-1 if c is None else pool.add_contact(c) for c in stance.contacts)
     return dynamic, dynamic.start(held, standing_com(ROBOT, stance))
@@ -128,8 +132,8 @@ def test_a_com_that_no_body_reaches_is_turned_down(ik) -> None:
 
 
 def test_what_the_search_returns_has_dynamics_from_rest_to_rest(ik) -> None:
-    options = ContactPlannerOptions(dynamics="exact", epsilon=0.0)
-    planner = ContactPlanner(SCENE, ROBOT, ik, options, transition_model("training"))
+    options = PlannerOptions(dynamics="exact", model=transition_model("training"))
+    planner = SearchPlanner(QueryContext(SCENE, ROBOT, ik), options, SearchSettings(epsilon=0.0))
     plan = next(planner.plans(Limits(expansions=30)))
     estimate = sequence_dynamics(ROBOT, plan.stances, "inner")
     assert estimate.feasible

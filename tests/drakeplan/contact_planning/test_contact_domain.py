@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State
+from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.search.ana_star import AnaStar
 from scenes.footholds.start_stance import check_goal, start_stance
@@ -44,7 +45,8 @@ def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="g
     check = EverythingStands(packed)
     stance = start_stance(scene, packed, ROBOT)
     check_goal(scene, packed, ROBOT)
-    domain = ContactDomain(packed, ROBOT, goal, model, check, PlannerWeights(), heuristic, palms)
+    options = PlannerOptions(heuristic=heuristic, use_palms=palms, model=model)
+    domain = ContactDomain(packed, ROBOT, goal, check, options, PlannerWeights())
     numbers = [-1 if c is None else check.pool.add_contact(c) for c in stance.contacts]
     return domain, (numbers[0], numbers[1], numbers[2], numbers[3], -1)
 

@@ -7,8 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from drakeplan.contact_planning.program_planner import FORMULATIONS, MixedIntegerPlanner
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.program_planner import FORMULATIONS, ProgramPlanner
+from drakeplan.contact_planning.search_planner import SearchPlanner
+from drakeplan.context import QueryContext
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.search.ana_star import Limits
@@ -36,22 +37,22 @@ def floor_scene(goal: Goal) -> Scene:
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_a_sequence_passes_what_the_search_asks_of_its_own(formulation: str) -> None:
-    planner = MixedIntegerPlanner(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK, formulation)
+    planner = ProgramPlanner(QueryContext(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK), formulation)
     assert not planner.start_problem()
     plan = next(planner.plans(LIMITS), None)
     assert plan is not None, planner.why_not()
     for k, (before, after) in enumerate(itertools.pairwise(plan.stances)):
         assert changed_effector(before, after) == plan.states[k + 1][4]
     assert planner.why_it_fails(plan.stances) == []
-    judge = ContactPlanner(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK, ContactPlannerOptions())
-    numbers = {c: judge.pool.add_contact(c) for s in plan.stances for c in s.held}
+    judge = SearchPlanner(QueryContext(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK))
+    numbers = {c: judge.domain.pool.add_contact(c) for s in plan.stances for c in s.held}
     states = [tuple(-1 if c is None else numbers[c] for c in s.contacts) for s in plan.stances]
     assert all(not judge.check.transition(a, b) for a, b in itertools.pairwise(states))
     assert judge.domain.is_goal((*states[-1], -1))
 
 
 def test_the_cost_is_the_searchs_own_measure() -> None:
-    planner = MixedIntegerPlanner(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK, "gcs")
+    planner = ProgramPlanner(QueryContext(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK), "gcs")
     plan = next(planner.plans(LIMITS))
     expected = 0.0
     for before, after in itertools.pairwise(plan.stances):
@@ -61,11 +62,11 @@ def test_the_cost_is_the_searchs_own_measure() -> None:
 
 
 def test_what_failed_later_is_not_found_again() -> None:
-    planner = MixedIntegerPlanner(load_scene("stairs"), ESCHER, IK, "gcs")
+    planner = ProgramPlanner(QueryContext(load_scene("stairs"), ESCHER, IK), "gcs")
     first = next(planner.plans(LIMITS))
     middle = len(first.states) // 2
     for _ in range(4):  # until nothing is left of the reach there
-        planner.forbid(first.states[middle], first.states[middle + 1])
+        planner.forbid(first, middle)
     pair = tuple(first.stances[middle].contacts[e].surface for e in (0, 1))
     assert planner.query.narrowed[pair] < 1.0
     second = next(planner.plans(LIMITS), None)
@@ -73,7 +74,7 @@ def test_what_failed_later_is_not_found_again() -> None:
 
 
 def test_turning_on_the_way_is_planned_in_pieces() -> None:
-    planner = MixedIntegerPlanner(floor_scene(Goal((0.3, 0.3, 0), 0.25, np.pi / 3)), ESCHER, IK, "gcs")
+    planner = ProgramPlanner(QueryContext(floor_scene(Goal((0.3, 0.3, 0), 0.25, np.pi / 3)), ESCHER, IK), "gcs")
     plan = next(planner.plans(LIMITS), None)
     assert plan is not None, planner.why_not()
     feet = plan.stances[-1].contacts[:2]
@@ -81,23 +82,22 @@ def test_turning_on_the_way_is_planned_in_pieces() -> None:
 
 
 def test_a_deadline_an_order_and_a_gap_too_wide_are_told() -> None:
-    planner = MixedIntegerPlanner(floor_scene(Goal((1.5, 0, 0), 0.2)), ESCHER, IK, "footsteps")
+    planner = ProgramPlanner(QueryContext(floor_scene(Goal((1.5, 0, 0), 0.2)), ESCHER, IK), "footsteps")
     assert next(planner.plans(Limits(deadline=0.0)), None) is None
-    assert "deadline" in planner.why_not() and planner.search.ended_by == "deadline"
+    assert "deadline" in planner.why_not() and planner.counts().ended_by == "deadline"
     assert next(planner.plans(Limits(stop=lambda: True)), None) is None
     assert "cancelled" in planner.why_not()
     island = Terrain((plate("here", (-0.5, 0.5), (-0.5, 0.5)), plate("there", (3, 4), (-0.5, 0.5))))
-    planner = MixedIntegerPlanner(
-        Scene("gap", island, Start((0.0, 0.0, 0.0)), Goal((3.5, 0, 0), 0.2)), ESCHER, IK, "footsteps"
-    )
+    gap = Scene("gap", island, Start((0.0, 0.0, 0.0)), Goal((3.5, 0, 0), 0.2))
+    planner = ProgramPlanner(QueryContext(gap, ESCHER, IK), "footsteps")
     assert next(planner.plans(LIMITS), None) is None
-    assert planner.search.ended_by == "exhausted"
+    assert planner.counts().ended_by == "exhausted"
     assert planner.why_not()
 
 
 def test_unknown_formulations_are_refused_by_name() -> None:
     with pytest.raises(InputError, match="did you mean"):
-        MixedIntegerPlanner(floor_scene(Goal((0.5, 0, 0))), ESCHER, IK, "footstep")
+        ProgramPlanner(QueryContext(floor_scene(Goal((0.5, 0, 0))), ESCHER, IK), "footstep")
 
 
 @pytest.mark.slow

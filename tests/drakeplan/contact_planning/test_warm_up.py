@@ -10,7 +10,9 @@ import pytest
 FRESH = """
 import sys
 from numba.core.dispatcher import Dispatcher
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from drakeplan.contact_planning.warm_up import warm_up
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -28,7 +30,7 @@ warm_up(robot, ik)
 before = compiled()
 assert before
 for name in ("rubble_corridor", "stairs"):
-    planner = ContactPlanner(load_scene(name, seed=0), robot, ik, ContactPlannerOptions(dynamics=sys.argv[1]))
+    planner = SearchPlanner(QueryContext(load_scene(name, seed=0), robot, ik), PlannerOptions(dynamics=sys.argv[1]))
     assert len(list(planner.plans(Limits(expansions=100)))) > 0
 print(*sorted(compiled() - before), sep="\\n", end="")
 """

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from drakeplan.contact_planning.com_costs import DynamicWeights
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
-from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem, standing_com
-from drakeplan.contact_planning.window_domain import HindsightDomain
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner, SearchSettings
+from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
+from drakeplan.contact_planning.window_domain import WindowDomain
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import FrictionCone, frame_stands_alone
 from optimization.centroidal.window_dynamics import TailDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.footholds.start_stance import standing_com
 from scenes.library import slippery_slope
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
@@ -32,20 +35,20 @@ def ik() -> WholeBodyIK:
     return WholeBodyIK(ROBOT)
 
 
-def planner(ik: WholeBodyIK, window: int = 2, scene: Scene = SCENE, timing: Timing | None = None) -> ContactPlanner:
-    options = ContactPlannerOptions(
-        dynamics="exact", window=window, use_palms=False, dynamic_weights=WEIGHTS, timing=timing or Timing()
-    )
-    return ContactPlanner(scene, ROBOT, ik, options, transition_model("training"))
+def planner(ik: WholeBodyIK, window: int = 2, scene: Scene = SCENE, timing: Timing | None = None) -> SearchPlanner:
+    model = transition_model("training")
+    options = PlannerOptions(dynamics="exact", use_palms=False, timing=timing or Timing(), model=model)
+    settings = SearchSettings(window=window, dynamic_weights=WEIGHTS)
+    return SearchPlanner(QueryContext(scene, ROBOT, ik), options, settings)
 
 
-def ahead(found: ContactPlanner, states) -> tuple[int, ...]:
+def ahead(found: SearchPlanner, states) -> tuple[int, ...]:
     """The state with the foot that moved farthest ahead."""
-    p = found.pool.p
+    p = found.domain.pool.p
     return max(states, key=lambda s: p[s[s[4]], 0] - abs(abs(p[s[s[4]], 1]) - 0.1))
 
 
-def walk(found: ContactPlanner, steps: int):
+def walk(found: SearchPlanner, steps: int):
     """States along a straight walk, each confirmed."""
     domain, states = found.dynamic, [found._start_state]
     for _ in range(steps):
@@ -61,7 +64,7 @@ def test_nothing_is_asked_until_a_state_is_confirmed(ik) -> None:
     children, costs = found.dynamic.successors(found._start_state)
     assert len(children) > 20
     assert found.dynamic.evaluator.asked["exact"] == 0
-    p, start = found.pool.p, found._start_state
+    p, start = found.domain.pool.p, found._start_state
     for child, cost in zip(children, costs, strict=True):
         way = 0.5 * np.linalg.norm((p[child[0]] + p[child[1]] - p[start[0]] - p[start[1]])[:2])
         assert cost == pytest.approx(2.0 * way + 5.0)
@@ -81,7 +84,7 @@ def test_the_late_cost_is_the_mean_effort_of_the_tail(ik) -> None:
     states = walk(found, 2)
     stances = [found._stance(state) for state in states]
     tail = TailDynamics(ROBOT, Timing().options(ROBOT, "inner"))
-    start = found.dynamic._tails[states[0][5]].start
+    start = found.dynamic._windows[states[0][5]].start
     truth = tail.solve(start, stances)
     assert found.dynamic.late_cost(states[2]) == pytest.approx(0.3 * truth.cost / 2, rel=1e-6)
     np.testing.assert_allclose(start.com, standing_com(ROBOT, stances[0]))
@@ -90,7 +93,7 @@ def test_the_late_cost_is_the_mean_effort_of_the_tail(ik) -> None:
 def test_a_full_tail_starts_where_its_parent_had_its_second_stance_begin(ik) -> None:
     found = planner(ik, window=2)
     states = walk(found, 3)
-    tails = [found.dynamic._tails[state[5]] for state in states]
+    tails = [found.dynamic._windows[state[5]] for state in states]
     assert [len(tail.held) - 1 for tail in tails] == [0, 1, 2, 2]
     assert tails[3].held[0] == states[1][:4]
     np.testing.assert_array_equal(tails[3].start.com, tails[2].second.com)
@@ -104,12 +107,12 @@ def test_the_com_of_a_state_is_unknown_until_it_is_confirmed(ik) -> None:
         found.dynamic.com_state(children[0])
 
 
-def test_who_is_careful_asks_for_balance_at_rest_too(ik) -> None:
+def test_static_balance_is_asked_for_too_where_it_is_required(ik) -> None:
     found = planner(ik)
     children, _ = found.dynamic.successors(found._start_state)
     child = ahead(found, children)
     assert found.dynamic.confirm(found._start_state, child)
-    found.dynamic.careful = True
+    found.dynamic.static_balance = True
     found.domain.check.transition = lambda before, after: "balance"
     assert not found.dynamic.confirm(found._start_state, child)
     assert found.dynamic.rejections["balance"] == 1
@@ -118,7 +121,7 @@ def test_who_is_careful_asks_for_balance_at_rest_too(ik) -> None:
 def test_a_window_has_at_least_one_transition(ik) -> None:
     found = planner(ik)
     with pytest.raises(ValueError, match="window"):
-        HindsightDomain(found.domain, found.dynamic.evaluator, window=0)
+        WindowDomain(found.domain, found.dynamic.evaluator, window=0)
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from drakeplan.experience.strip_setup import (
     choose_region,
     contact_choices,
     make_problem,
-    planned_contacts,
     stands_alone,
 )
 from drakeplan.plan.plan import Plan
@@ -117,7 +116,8 @@ def test_a_path_does_as_well_as_a_plan(stepping_plan: Plan, moved: Scene, tmp_pa
 
 
 def test_at_phase_boundaries_everything_is_in_place_and_what_is_shared_carries(stepping_plan: Plan) -> None:
-    scene, contacts = scene_of(stepping_plan), planned_contacts(stepping_plan)
+    scene = scene_of(stepping_plan)
+    contacts = tuple(stepping_plan.contact(c) for c in range(len(stepping_plan.contacts)))
     packed, robot = pack_terrain(scene.terrain), load_robot("escher")
     chosen = [choose_region(c, contact_choices(c, robot, packed, SAMPLING, None), packed, {}) for c in contacts]
     problem = make_problem(stepping_plan, scene, contacts, chosen, SAMPLING)

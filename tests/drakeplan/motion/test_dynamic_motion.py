@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
+from drakeplan.context import QueryContext
 from drakeplan.motion.assembly import assemble_plan
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions
@@ -16,6 +17,7 @@ from drakeplan.plan.plan_file import write_plan
 from drakeplan.timing.step_timing import Timing
 from drakeplan.verifier import verify
 from optimization.balance.friction import FrictionCone, frame_stands_alone
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
 from scenes.library import steep_slope
 from scenes.robots.robot import load_robot
@@ -87,11 +89,12 @@ def test_who_keeps_moving_gets_down_and_the_verifier_agrees(tmp_path: Path) -> N
     estimate = sequence_dynamics(ROBOT, stances, "inner", TIMING)
     assert estimate.feasible, estimate.reason
     assert np.linalg.norm(estimate.trajectory.linear_momentum, axis=1).max() > 0.2 * ROBOT.mass
-    maker = MotionMaker(ROBOT, scene.terrain, MotionOptions(dt=0.2, shift=TIMING.shift, swing=TIMING.swing))
+    context = QueryContext(scene, ROBOT, WholeBodyIK(ROBOT))
+    maker = MotionMaker(context, MotionOptions(dt=0.2, shift=TIMING.shift, swing=TIMING.swing))
     assert not maker.run(stances, lambda event: None).ok  # resting places are what it looks for
     motion = maker.run(stances, lambda event: None, ComCourse(estimate.trajectory.t, estimate.trajectory.com))
     assert motion.ok, motion.reason
-    plan = assemble_plan(_goal_at_the_end(scene, stances), ROBOT, stances, motion, cone="inner", provenance={})
+    plan = assemble_plan(_goal_at_the_end(scene, stances), ROBOT, stances, motion, cone=context.cone, provenance={})
     write_plan(plan, tmp_path / "plan.h5")
     report = verify(tmp_path / "plan.h5")
     assert report.holds, [c.name for c in report.checks if not c.ok]

@@ -10,14 +10,17 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.tree import MultibodyForces
 
 from drakeplan.bench.kinodynamic import plan_gap
+from drakeplan.context import QueryContext
 from drakeplan.motion.check import velocities
 from drakeplan.motion.course_dynamics import monotone_course
-from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult, make_motion
+from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.momentum_gap import PROMISED
 from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT
 from scenes.robots.plant import RobotPlant, build_plant
 from scenes.robots.robot import load_robot
+from scenes.scene import Scene
 from scenes.stance import Stance
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Terrain, terrain_from
@@ -95,13 +98,18 @@ def walk_along_a_wall() -> tuple[Terrain, list[Stance]]:
     return terrain, sequence(terrain, (0, 0), moves)
 
 
+def make_motion(terrain: Terrain, stances: list[Stance], options: MotionOptions | None = None) -> MotionResult:
+    context = QueryContext(Scene("walk", terrain), ROBOT, WholeBodyIK(ROBOT))
+    return MotionMaker(context, options).run(stances, lambda _: None)
+
+
 WALKS = {"flat": walk_on_flat_ground, "stones": walk_over_stones, "wall": walk_along_a_wall}
 
 
 @pytest.fixture(scope="module", params=list(WALKS))
 def walk(request) -> tuple[Terrain, list[Stance], MotionResult]:
     terrain, stances = WALKS[request.param]()
-    return terrain, stances, make_motion(ROBOT, terrain, stances)
+    return terrain, stances, make_motion(terrain, stances)
 
 
 def test_the_motion_is_found_and_covers_its_phases(walk):
@@ -189,7 +197,7 @@ def test_drakes_joint_torques_are_those_reported_and_within_the_limits(walk):
 
 def test_feeding_the_angular_momentum_back_brings_it_near_the_dynamics():
     terrain, stances = walk_on_flat_ground()
-    peer, motion = (make_motion(ROBOT, terrain, stances, MotionOptions(feedback=f)) for f in (False, True))
+    peer, motion = (make_motion(terrain, stances, MotionOptions(feedback=f)) for f in (False, True))
     assert peer.ok, peer.reason
     assert motion.gaps[-1].angular.rms < 0.3 * peer.gaps[-1].angular.rms
     assert motion.gaps[-1].angular.rms < 0.3 * motion.gaps[0].angular.rms
@@ -247,7 +255,7 @@ def test_the_trunk_stays_upright_and_faces_the_way(walk):
 
 def test_the_same_contacts_give_the_same_motion():
     terrain, stances = walk_on_flat_ground()
-    first, second = (make_motion(ROBOT, terrain, stances[:4]) for _ in range(2))
+    first, second = (make_motion(terrain, stances[:4]) for _ in range(2))
     assert np.array_equal(first.q, second.q)
     assert np.array_equal(first.centroidal.force_W, second.centroidal.force_W)
 
@@ -255,7 +263,7 @@ def test_the_same_contacts_give_the_same_motion():
 def test_a_foothold_out_of_reach_is_named():
     terrain = terrain_from([ground()])
     stances = sequence(terrain, (0, 0), [(RIGHT_FOOT, 0, [0.25, -0.1, 0]), (LEFT_FOOT, 0, [1.9, 0.1, 0])])
-    result = make_motion(ROBOT, terrain, stances)
+    result = make_motion(terrain, stances)
     assert not result.ok
     assert result.failed_transitions == (1,)
     assert "posture" in result.reason
@@ -266,7 +274,7 @@ def test_a_step_that_cannot_be_balanced_is_named():
     icy = Surface("ice", np.array([[0.14, -1, -0.2], [1.2, -1, 0.4], [1.2, 1, 0.4], [0.14, 1, -0.2]]), friction=0.2)
     terrain = terrain_from([ground(-0.6, 0.14), icy])  # tan of its tilt is 0.57
     stances = sequence(terrain, (0, 0), [(RIGHT_FOOT, 1, [0.3, -0.1, 0]), (LEFT_FOOT, 1, [0.35, 0.1, 0])])
-    result = make_motion(ROBOT, terrain, stances)
+    result = make_motion(terrain, stances)
     assert not result.ok
     assert 1 in result.failed_transitions
 
@@ -275,7 +283,7 @@ def test_an_obstacle_that_no_swing_avoids_is_reported_not_hidden():
     curtain = Surface("curtain", np.array([[0.2, -3, -0.1], [0.2, 3, -0.1], [0.2, 3, 3], [0.2, -3, 3.0]]))
     terrain = terrain_from([ground(), curtain])
     stances = sequence(terrain, (0, 0), [(RIGHT_FOOT, 0, [0.4, -0.1, 0.0])])
-    result = MotionMaker(ROBOT, terrain, MotionOptions(rounds=1, attempts=1)).run(stances, lambda _: None)
+    result = make_motion(terrain, stances, MotionOptions(rounds=1, attempts=1))
     assert not result.ok
     assert result.failed_transitions == (0,)
     assert any("curtain" in p.about for p in result.problems) or result.centroidal is None
@@ -283,7 +291,7 @@ def test_an_obstacle_that_no_swing_avoids_is_reported_not_hidden():
 
 def test_a_robot_that_only_stands_stands():
     terrain = terrain_from([ground()])
-    result = make_motion(ROBOT, terrain, sequence(terrain, (0, 0), []))
+    result = make_motion(terrain, sequence(terrain, (0, 0), []))
     assert result.ok, result.reason
     assert np.abs(result.v).max() < 0.05
 

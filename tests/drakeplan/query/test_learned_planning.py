@@ -7,12 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.dynamics_evaluator import ExactDynamics, LearnedDynamics
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
-from drakeplan.query import planning
+from drakeplan.context import QueryContext
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
+from drakeplan.query.query import Query
+from drakeplan.query.result import PlanResult
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
 from learning.surrogate import load_surrogate
@@ -34,8 +37,8 @@ def ik() -> WholeBodyIK:
     return WholeBodyIK(ROBOT)
 
 
-def planner(scene: Scene, ik: WholeBodyIK, seed: int = 0) -> ContactPlanner:
-    return ContactPlanner(scene, ROBOT, ik, ContactPlannerOptions(dynamics="learned", seed=seed))
+def planner(scene: Scene, ik: WholeBodyIK, seed: int = 0) -> SearchPlanner:
+    return SearchPlanner(QueryContext(scene, ROBOT, ik), PlannerOptions(dynamics="learned", seed=seed))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -54,7 +57,7 @@ def test_networks_and_the_exact_program_agree_on_most_first_steps(ik: WholeBodyI
     com, velocity = search.dynamic.com_state(start)
     children = [s[:4] for s in search.domain.successors(start[:5])[0]][::4]
     says = search.dynamic.evaluator.evaluate(start[:4], children, com, velocity)
-    truth = ExactDynamics(search.pool, ROBOT).evaluate(start[:4], children, com, velocity)
+    truth = ExactDynamics(search.domain.pool, ROBOT).evaluate(start[:4], children, com, velocity)
     assert (says.feasible == truth.feasible).mean() > 0.8
     both = says.feasible & truth.feasible
     assert np.abs(says.com[both] - truth.com[both]).mean() < 0.04
@@ -72,7 +75,7 @@ def test_ground_as_slippery_as_no_network_has_seen_is_left_to_the_exact_program(
 
 def test_without_the_exact_program_a_guess_stands(ik: WholeBodyIK) -> None:
     search = planner(SHORT, ik)
-    learned = LearnedDynamics(search.pool, load_surrogate(ROBOT), None)
+    learned = LearnedDynamics(search.domain.pool, load_surrogate(ROBOT), None)
     assert search.dynamic is not None
     search.dynamic.evaluator = learned
     search.dynamic.successors(search._start_state)
@@ -113,15 +116,15 @@ def test_a_robot_without_weights_has_a_clear_message() -> None:
 
 @pytest.mark.slow
 def test_where_learned_dynamics_lead_nowhere_quasi_static_ones_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = planning._Query.run
+    run = Query.run
 
-    def fails_if_learned(query: planning._Query) -> planning.PlanResult:
-        result = run(query)
+    def fails_if_learned(query: Query, deadline: float, max_repairs: int) -> PlanResult:
+        result = run(query, deadline, max_repairs)
         if query.record.dynamics == "learned":
             return dataclasses.replace(result, status="contacts", reason="made to fail")
         return result
 
-    monkeypatch.setattr(planning._Query, "run", fails_if_learned)
+    monkeypatch.setattr(Query, "run", fails_if_learned)
     result = plan_scene(SHORT, ROBOT, PlanOptions(improve=0.0))
     assert result.status == "complete", result.reason
     assert result.report["dynamics"] == "quasi-static"

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drakeplan.contact_planning.search_planner import ContactPlanner, ContactPlannerOptions
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.search_planner import SearchPlanner
+from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from optimization.contact_programs.length_bound import length_lower_bound
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -140,10 +142,11 @@ def test_palms_weaken_the_bound_and_a_higher_weight_raises_it() -> None:
 @pytest.mark.parametrize(("name", "seed"), [("flat", 0), ("stairs", 0), ("narrow_flat", 0), ("rubble_field", 4)])
 def test_what_search_finds_is_never_below_the_bound(name: str, seed: int) -> None:
     scene = load_scene(name, seed=seed)
-    planner = ContactPlanner(scene, ESCHER, WholeBodyIK(ESCHER), ContactPlannerOptions(seed=seed))
+    context = QueryContext(scene, ESCHER, WholeBodyIK(ESCHER))
+    planner = SearchPlanner(context, PlannerOptions(seed=seed))
     cheapest = min((p.cost for p in planner.plans(Limits(expansions=1500))), default=np.inf)
     assert np.isfinite(cheapest)
-    bound = length_lower_bound(scene, ESCHER, planner.start, planner.goal)
+    bound = length_lower_bound(scene, ESCHER, context.start, context.goal)
     assert bound.straight <= bound.cost <= cheapest
     assert 0 <= bound.gap(cheapest) < 0.6
 
