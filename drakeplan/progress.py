@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TextIO
 
-QUIET_INTERVAL = 0.25  # [s] lines that bring no better plan come no faster than this
+QUIET_INTERVAL = 2.0  # [s] between plain lines that bring only a lower cost
+CLEAR_TO_END = "\033[K"  # of a terminal's line
 
 
 @dataclass(frozen=True)
@@ -34,32 +36,54 @@ class ProgressEvent:
 Progress = Callable[[ProgressEvent], None]
 
 
-@dataclass
 class ProgressPrinter:
-    """Writes events as lines; call it with each event.
+    """Shows events: on a terminal as one line that is written over, elsewhere as plain lines, few of them.
 
-    A line appears when the stage, the cost or the message changes, otherwise not more often than `QUIET_INTERVAL`. The time it
-    shows is that since the printer was made, so that it never runs backwards, whatever the events count from.
-
-    Attributes:
-        stream: where to, normally standard error.
+    Plain lines appear when the stage or the message changes; a lower cost alone, not more often than every
+    `QUIET_INTERVAL`. The time that a line shows is that since the printer was made, so that it never runs backwards,
+    whatever the events count from. Use it as a context manager, or call `close` at the end.
     """
 
-    stream: TextIO
+    def __init__(self, stream: TextIO) -> None:
+        """Shows nothing yet.
 
-    def __post_init__(self) -> None:
-        self._last: tuple[str, float | None, str] = ("", None, "")
+        Args:
+            stream: where to, normally standard error.
+        """
+        self._stream = stream
+        self._terminal = stream.isatty()
         self._began = time.monotonic()
         self._last_time = self._began - QUIET_INTERVAL
+        self._last_news, self._last_cost = ("", ""), None
+        self._open = False  # whether the terminal's line waits to be written over
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Shows the event, unless nothing changed and the last line is very recent."""
+        """Shows the event, or leaves it out where plain lines would be too many."""
         now = time.monotonic()
-        news = (event.stage, event.cost, event.message)
-        if news == self._last and now - self._last_time < QUIET_INTERVAL:
+        line = format_event(event, now - self._began)
+        if self._terminal:
+            width = shutil.get_terminal_size().columns - 1
+            self._stream.write(f"\r{line[:width]}{CLEAR_TO_END}")
+            self._stream.flush()
+            self._open = True
             return
-        self._last, self._last_time = news, now
-        print(format_event(event, now - self._began), file=self.stream, flush=True)
+        news, cost = (event.stage, event.message), event.cost
+        if news == self._last_news and (cost == self._last_cost or now - self._last_time < QUIET_INTERVAL):
+            return
+        self._last_news, self._last_cost, self._last_time = news, cost, now
+        print(line, file=self._stream, flush=True)
+
+    def close(self) -> None:
+        """Ends the terminal's line, so that what follows stands below it."""
+        if self._open:
+            print(file=self._stream, flush=True)
+            self._open = False
+
+    def __enter__(self) -> ProgressPrinter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def format_event(event: ProgressEvent, elapsed: float) -> str:

@@ -130,11 +130,13 @@ def run(arguments: Arguments) -> int:
     from drakeplan.progress import ProgressPrinter
     from drakeplan.query.planning import plan_scene
 
-    with _interruptible() as interrupted:
+    with _interruptible() as interrupted, ProgressPrinter(sys.stderr) as progress:
         options = _options(arguments, interrupted)
-        result = plan_scene(scene, robot, options, ProgressPrinter(sys.stderr))
+        result = plan_scene(scene, robot, options, progress)
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
+    for line in _explanation(arguments, result):
+        print(line, file=sys.stderr)
     files = _write(arguments, result)
     complete = result.status == "complete"
     report = {
@@ -256,7 +258,11 @@ def _interruptible() -> Iterator[_Flag]:
         if flag.raised:
             raise KeyboardInterrupt
         flag.raised = True
-        print("interrupted: going on with the best contacts so far; once more to abort", file=sys.stderr, flush=True)
+        print(
+            "\ninterrupted: continues with the best contacts so far; press Ctrl-C again to abort",
+            file=sys.stderr,
+            flush=True,
+        )
 
     try:
         before = signal.signal(signal.SIGINT, interrupt)
@@ -282,12 +288,12 @@ def _summary(report: dict[str, object]) -> str:
         state += f", verification failed: {', '.join(verified['failed'])}"
     lines = [
         f"{report['scene']}, {report['robot']}, seed {report['seed']}: {state}",
-        f"  {report['stances']} stances, {report['contacts']} contacts, {report['palms_used']} of palms;"
+        f"  {report['stances']} stances, {report['contacts']} contacts, {report['palms_used']} with a palm;"
         f" cost {number('cost', '.3f')}, bound {number('bound', '.3f')}",
         f"  first contacts {number('time_to_first_s', '.3f')} s, first feasible {number('time_to_first_feasible_s')} s;"
         f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
         *_judges(report),
-        f"  all in all {number('total_s')} s, {number('peak_rss_mb', '.0f')} MB",
+        f"  total {number('total_s')} s, {number('peak_rss_mb', '.0f')} MB",
     ]
     files = report["files"]
     if isinstance(files, dict):
@@ -310,7 +316,13 @@ def _judges(report: dict[str, object]) -> list[str]:
     if not isinstance(asked, dict) or not any(asked.values()):
         return []
     learned, exact = int(asked.get("learned", 0)), int(asked.get("exact", 0))
-    if not learned:
-        return [f"  dynamics of {exact} transitions asked of the program"]
-    share = f" ({exact / (learned + exact):.1%}, unlike what they learned from)" if exact else ""
-    return [f"  dynamics of {learned} transitions judged by networks, of {exact}{share} by the program"]
+    return [f"  {learned + exact} transitions judged: {learned} by network, {exact} by exact program"]
+
+
+def _explanation(arguments: Arguments, result: PlanResult) -> list[str]:
+    """What `--explain` has to say."""
+    if not arguments.explain or result.status == "complete":
+        return []
+    if result.explanation is not None:
+        return result.explanation.lines()
+    return ["--explain: no contact sequence with infeasible dynamics was found, so there is nothing to explain"]

@@ -20,17 +20,19 @@ class Explanation:
 
     Attributes:
         stances: of the sequence.
-        found: blockages and remedies; `feasible` where the sequence itself has dynamics and only the motion asks more.
+        refused: why the query refused it.
+        found: blockages and remedies; `feasible` where the sequence itself has dynamics and the motion asks for more.
     """
 
     stances: int
+    refused: str
     found: InfeasibilityReport
 
     def lines(self) -> list[str]:
         """For people: where the sequence is blocked, and each change that is enough."""
-        head = f"dynamics of the whole sequence of {self.stances} stances"
+        head = f"dynamics of the whole sequence ({self.stances} stances)"
         if self.found.feasible:
-            return [f"{head}: feasible, but not with the CoM where the postures of the motion need it"]
+            return [f"{head}: feasible by themselves; the motion asks for more: {self.refused}"]
         lines = [f"{head}: infeasible"]
         lines += [f"  blocked: {self.found.flight}"] if self.found.flight else []
         lines += [f"  blocked: {blockage}" for blockage in self.found.blockages]
@@ -45,17 +47,18 @@ class Explanation:
 
     def as_dict(self) -> dict[str, object]:
         """The same as plain data for JSON."""
-        return {"stances": self.stances, **asdict(self.found), "lines": self.lines()}
+        return {"stances": self.stances, "refused": self.refused, **asdict(self.found), "lines": self.lines()}
 
 
-def explain_sequence(context: QueryContext, stances: Sequence[Stance], timing: Timing) -> Explanation:
+def explain_sequence(context: QueryContext, stances: Sequence[Stance], timing: Timing, refused: str) -> Explanation:
     """Asks the centroidal program of a whole contact sequence what stands in its way.
 
     Args:
         context: robot and friction cone.
         stances: consecutive ones differ in one end effector.
         timing: of every transition.
+        refused: why the query refused it.
     """
     problem = sequence_problem(context.robot, stances, timing)
     options = timing.options(context.robot, context.cone, rest_at_end=True)
-    return Explanation(len(stances), unblock(problem, options, time_limit=TIME_LIMIT))
+    return Explanation(len(stances), refused, unblock(problem, options, time_limit=TIME_LIMIT))

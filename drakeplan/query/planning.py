@@ -142,10 +142,10 @@ def _not_learned(context: QueryContext, options: PlanOptions) -> str:
 
 
 def _explained(result: PlanResult, context: QueryContext, options: PlanOptions) -> PlanResult:
-    """The result with what stands in the way of the refused sequence's dynamics, where they are infeasible."""
+    """The result with what stands in the way of the refused sequence's dynamics, where it has none."""
     refusal = result.refusal
-    if refusal is None or not refusal.dynamics_infeasible:
+    if refusal is None or not refusal.without_dynamics:
         return result
-    explanation = explain_sequence(context, refusal.sequence.stances, options.timing)
+    explanation = explain_sequence(context, refusal.sequence.stances, options.timing, refusal.reason)
     report = {**result.report, "explanation": explanation.as_dict()}
     return dataclasses.replace(result, report=report, explanation=explanation)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import time
+from functools import cached_property
 
 from drakeplan.contact_planning.contact_plan import ContactPlan
 from drakeplan.contact_planning.planner import ContactPlanner
@@ -43,7 +44,7 @@ class Query:
     def __init__(
         self, context: QueryContext, options: PlanOptions, planner: ContactPlanner, record: QueryRecord, tell: Progress
     ) -> None:
-        """Prepares the motion stage.
+        """Begins a query.
 
         Args:
             context: of the query.
@@ -60,14 +61,15 @@ class Query:
             tuple[Stance, ...], ComCourse
         ] = {}  # CoM of the sequences whose whole dynamics are feasible
         self._clock, self._rounds = SearchClock(), 0
-        timing = options.timing
+
+    @cached_property
+    def _motion(self) -> MotionMaker:
+        """The motion stage, made when the first sequence needs it."""
+        timing = self.options.timing
         wanted = MotionOptions(
-            dt=timing.step or MotionOptions.dt,
-            shift=timing.shift,
-            swing=timing.swing,
-            free=timing.free,
+            dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing, free=timing.free
         )
-        self._motion = MotionMaker(context, wanted)
+        return MotionMaker(self.context, wanted)
 
     def run(self, deadline: float, max_repairs: int) -> PlanResult:
         """The verified plan, or how far it got.

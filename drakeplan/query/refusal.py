@@ -45,12 +45,9 @@ class Refusal:
         return Refusal("motion", motion.reason, sequence, motion, verification)
 
     @property
-    def dynamics_infeasible(self) -> bool:
-        """Whether no momentum trajectory was found for the whole sequence."""
-        if self.step == "dynamics":
-            return True
-        motion = self.motion
-        return motion is not None and motion.centroidal is None and not motion.failed_transitions
+    def without_dynamics(self) -> bool:
+        """Whether no momentum trajectory came of the sequence."""
+        return self.step == "dynamics" or (self.motion is not None and self.motion.centroidal is None)
 
     def transitions(self) -> list[int]:
         """Transitions to bar, ascending; empty where nobody knows which.
