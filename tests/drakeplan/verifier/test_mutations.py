@@ -10,8 +10,6 @@ import h5py
 import numpy as np
 import pytest
 
-from drakeplan.plan.plan import Plan
-from drakeplan.plan.plan_file import write_plan
 from drakeplan.verifier import Report, verify
 
 Corruption = Callable[[h5py.File], None]
@@ -260,13 +258,6 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
         {"start"},
     ),
 }
-
-
-@pytest.fixture(scope="module")
-def good(stepping_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("plans") / "good.h5"
-    write_plan(stepping_plan, path)
-    return path
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,41 @@
+"""What the verifier demands of a plan: the limit of every check, and the constants of what it measures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FORMAT, VERSION = "drakeplan-plan", 1
+EFFECTORS = ("left_foot", "right_foot", "left_palm", "right_palm")
+GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2] W
+
+ON_SURFACE = 1e-3  # [m] contact point off its surface
+INSIDE = 1e-3  # [m] corner of a patch outside its surface's outline
+ALONG_NORMAL = 1e-3  # [rad] contact frame's z off the surface's normal
+COVERED = 3e-3  # [m] what rises less than this over a patch does not cover it
+BESIDE = 3e-3  # [m] plates that touch a patch's rim by less than this do not cover it
+HEAD_ROOM = {"foot": 0.09, "palm": 0.05}  # [m] height over a patch that the foot or hand itself fills
+FOOT_MAX_TILT, PALM_TILT = np.deg2rad(45.0), (np.deg2rad(45.0), np.deg2rad(135.0))  # where a surface names no effectors
+PATCH_OFF_BODY = 0.01  # [m] corner of a sole or palm patch off the body that should carry it
+
+SAME_TIME = 1e-6  # [s]
+KNOT_SPACING, FRAME_SPACING = 0.2001, 0.0201  # [s] between momentum knots; 50 Hz between frames
+RESIDUAL = 1e-6  # [M g, M g m, m] of the discrete equations
+WRENCH = 1e-6  # [M g, M g m] of a contact wrench from the admissible set
+AT_REST = 1e-3  # [m/s, m^2/s per kg, rad/s] at start and end
+BALANCE = 1e-4  # [M g, M g m] of gravity from what the first and last contacts can carry
+
+HELD_POSITION, HELD_ANGLE = 5e-3, np.deg2rad(1.0)  # [m, rad] of an end effector that holds a contact
+JOINT_LIMIT, SPEED_LIMIT = 1e-4, 1e-3  # [rad, rad/s] past a joint's limits
+VELOCITY = 0.4  # [rad/s, m/s] velocities against differences of the positions: curvature within one frame
+QUATERNION = 1e-6  # norm off one
+COM = 0.02  # [m] the model's CoM off the plan's
+PENETRATION, SOLE_PENETRATION = 5e-3, 0.01  # [m]
+MASS = 1e-6  # relative
+START_DISTANCE, START_YAW = 0.15, np.deg2rad(5.0)  # [m, rad] set-down may move the feet off rough ground
+START_EXACT, START_EXACT_ANGLE = 1e-3, 1e-3  # [m, rad] where the scene gives the stance itself
+GOAL_YAW = np.deg2rad(15.0)
+
+PLATE_THICKNESS = 0.02  # [m] a surface that stands alone is a plate that reaches this far behind its face
+TOUCH = 1e-4  # [m] what overlaps less is touching
+TRIANGLE_DEPTH = 0.01  # [m] a mesh's triangle reaches this far behind its face, tapered so that ridges stay sharp
+MAX_FILE, MAX_YAML = 1 << 30, 1 << 26  # [bytes]
