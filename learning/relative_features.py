@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 
 from learning.transition_features import NUM_CATEGORIES, SLOTS, CanonicalTransitions, Frame
-from optimization.centroidal.options import GRAVITY, CentroidalOptions
+from optimization.centroidal.options import CentroidalOptions
+from scenes.gravity import GRAVITY
 
 RELATIVE_FRAME: Frame = "quarter"
 _HALF_BOX = float((CentroidalOptions().final_half_width or (0.12,))[0])  # [m] of the box in which the CoM must end

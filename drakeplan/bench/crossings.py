@@ -29,11 +29,11 @@ from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import FrictionCone
 from optimization.balance.static_equilibrium import balance_region
 from optimization.centroidal.estimate import CentroidalEstimate
-from optimization.centroidal.options import GRAVITY
 from optimization.inverse_kinematics.drake_posture import PostureSolver
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
+from scenes.gravity import GRAVITY
 from scenes.library import slippery_slope, steep_slope, wide_gap, wider_gap
 from scenes.library.plates import FRICTION, level_plate
 from scenes.robots.plant import build_plant

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from optimization.centroidal.contact_schedule import ContactSchedule
-from optimization.centroidal.options import GRAVITY
 from optimization.centroidal.trajectory import LEAST_LOAD, CentroidalTrajectory
+from scenes.gravity import GRAVITY
 
 COLUMNS = (
     "(5) |l| kg m/s", "(6) |ldot| N", "(7) |k| N m s", "(8) |kdot| N m", "(9) RMS |f| Mg", "(10) |torque| N m",

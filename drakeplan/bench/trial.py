@@ -14,11 +14,12 @@ from drakeplan.bench.peers import interior_point
 from optimization.balance.contact_wrench import CornerForces
 from optimization.balance.friction import FrictionCone
 from optimization.centroidal.check import violations
-from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions
+from optimization.centroidal.options import ARM, CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem, structure
 from optimization.centroidal.program import CentroidalProgram
 from optimization.centroidal.timing import TimingOptions, optimise_timing
 from optimization.centroidal.trajectory import CentroidalTrajectory, WrenchIntegrator
+from scenes.gravity import GRAVITY
 
 CLEAR, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 ENOUGH = 3.0  # [s] of turns

@@ -126,7 +126,7 @@ class SequenceDynamics:
         known = self._programs.get(pull)
         if torques is not None:
             known = CentroidalProgram(problem, relaxed(self._usual, pull))
-            index = known.index["wrench"]
+            index = known.data.index["wrench"]
             known.add_rows("joint torques", lambda: torques.in_program(index))
         elif known is None:
             known = self._programs[pull] = CentroidalProgram(problem, relaxed(self._usual, pull))

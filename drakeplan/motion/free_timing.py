@@ -69,7 +69,7 @@ def round_to_grid(durations: np.ndarray, step: float, total: float) -> np.ndarra
 def effort(robot: Robot, schedule: Schedule, cone: FrictionCone, trajectory: CentroidalTrajectory) -> float:
     """The documents' objective of a trajectory over these contacts (Lin 2020 sec. 6.3), with no reference to pull it."""
     program = CentroidalProgram(_problem(robot, schedule, trajectory.t), _options(robot, cone))
-    return whole_cost(program, trajectory)
+    return whole_cost(program.data, trajectory)
 
 
 def planned_schedule(plan: Plan) -> Schedule:

@@ -29,6 +29,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drakeplan.plan.plan import Plan, PlanCentroidal
 from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
 from drakeplan.playback.still import COM_COLOUR, ROOT
+from scenes.gravity import GRAVITY
 from scenes.robots.robot import Robot
 
 FRAMES_PER_SECOND = 25.0
@@ -40,7 +41,6 @@ ROBOT = f"{ROOT}/robot"
 FORCE_COLOUR = Rgba(1.0, 0.62, 0.05)
 FORCE_LENGTH = 0.9  # [m] of an arrow that carries the robot's whole weight
 WEAKEST_FORCE = 0.004  # [M g] below this no arrow is shown
-GRAVITY = 9.81  # [m/s^2]
 
 
 @dataclass(frozen=True, eq=False)

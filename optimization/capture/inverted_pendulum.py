@@ -16,7 +16,8 @@ import numpy as np
 from shapely import MultiPoint, Point
 from shapely.geometry.base import BaseGeometry
 
-from optimization.centroidal.options import GRAVITY, CentroidalOptions
+from optimization.centroidal.options import CentroidalOptions
+from scenes.gravity import GRAVITY
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from optimization.balance.friction import contains
-from optimization.centroidal.options import GRAVITY, CentroidalOptions
+from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from scenes.effector import EFFECTORS
+from scenes.gravity import GRAVITY
 
 RESIDUAL = 1e-8  # [M g, M g m]: Newton and Euler hold by construction, to rounding
 FORCE = 1e-6  # [M g] that a force may stick out of its cone or exceed its limit

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimization.centroidal.options import ARM, COST_SCALE, GRAVITY, REFERENCE_STEP, CentroidalWeights
+from optimization.centroidal.options import ARM, COST_SCALE, REFERENCE_STEP, CentroidalWeights
 from optimization.centroidal.problem import CentroidalProblem
+from scenes.gravity import GRAVITY
 
 
 def cost_terms(

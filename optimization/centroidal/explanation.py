@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pydrake.solvers import MathematicalProgram
 
+from optimization.centroidal.data import CentroidalData
 from optimization.convex.infeasibility import Relaxable, smallest_relaxation
 from scenes.effector import EFFECTORS
-
-if TYPE_CHECKING:
-    from optimization.centroidal.program import CentroidalProgram
 
 # Unit and price of each constraint that may give way: a metre or a metre per second counts as ten times the weight.
 BLOCKS = {
@@ -22,8 +20,6 @@ BLOCKS = {
     "final com box": ("m", 10.0),
     "rest: linear momentum": ("m/s", 10.0),
 }
-
-NOTHING = "the convex program has no answer, and no constraint that could give way explains it"
 
 
 @dataclass(frozen=True)
@@ -52,33 +48,41 @@ class Shortfall:
         return f"{self.block}{who} cannot be met at {place}: {self.amount:.3g} {self.unit} short"
 
 
-def shortfalls(program: CentroidalProgram) -> list[Shortfall]:
-    """The least that the convex program's constraints must give way for it to have an answer, the worst first."""
-    intervals, contacts = np.arange(len(program.dt)), np.arange(len(program.interval))
-    cones = sum(b.evaluator().get_description() == "friction cone" for b in program.prog.lorentz_cone_constraints())
-    cones = cones or 4 * len(contacts) * program.corners.rows.shape[1]
+def shortfalls(prog: MathematicalProgram, data: CentroidalData) -> list[Shortfall]:
+    """The least that the convex program's constraints must give way for it to have an answer, the worst first.
+
+    Args:
+        prog: the convex program, its constraints named as in `CentroidalProgram`.
+        data: the numbers that it was made of.
+    """
+    intervals, contacts = np.arange(len(data.dt)), np.arange(len(data.interval))
+    cones = sum(b.evaluator().get_description() == "friction cone" for b in prog.lorentz_cone_constraints())
+    cones = cones or 4 * len(contacts) * data.corners.rows.shape[1]
     groups = (np.repeat(contacts, cones // max(len(contacts), 1)), contacts, intervals, np.repeat(intervals, 3))
-    groups = (*groups, np.zeros(3, int), np.zeros(program.v[-2:].size, int))
+    groups = (*groups, np.zeros(3, int), np.zeros(data.index["v"][-2:].size, int))
     may_give = {name: Relaxable(group, price) for group, (name, (_, price)) in zip(groups, BLOCKS.items(), strict=True)}
     found = []
-    for relaxation in smallest_relaxation(program.prog, may_give):
-        knot, who = len(program.dt), ""
+    for relaxation in smallest_relaxation(prog, may_give):
+        knot, who = len(data.dt), ""
         if relaxation.block in ("friction cone", "force limit"):
-            knot = int(program.interval[relaxation.group])
-            who = EFFECTORS[program.effector[relaxation.group]]
+            knot = int(data.interval[relaxation.group])
+            who = EFFECTORS[data.effector[relaxation.group]]
         elif relaxation.block in ("com height", "com box"):
             knot = relaxation.group + 1
-        time = float(program.problem.schedule.times[knot])
+        time = float(data.problem.schedule.times[knot])
         unit = BLOCKS[relaxation.block][0]
         found.append(Shortfall(relaxation.block, knot, time, who, relaxation.amount, unit))
     return found
 
 
-def explain(program: CentroidalProgram) -> str:
-    """The constraint that must give way most for the convex program to have an answer, with place and amount."""
-    found = shortfalls(program)
-    return (
-        str(found[0])
-        if found
-        else "the convex program has no answer, and no constraint that could give way explains it"
-    )
+def explain(prog: MathematicalProgram, data: CentroidalData) -> str:
+    """The constraint that must give way most for the convex program to have an answer, with place and amount.
+
+    Args:
+        prog: the convex program.
+        data: the numbers that it was made of.
+    """
+    found = shortfalls(prog, data)
+    if found:
+        return str(found[0])
+    return "the convex program has no answer, and no constraint that could give way explains it"

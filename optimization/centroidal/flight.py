@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optimization.centroidal.options import GRAVITY, CentroidalOptions
+from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
 from scenes.effector import is_foot
+from scenes.gravity import GRAVITY
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimization.centroidal.options import GRAVITY, UP, CentroidalOptions
+from optimization.centroidal.options import UP, CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
 from scenes.effector import RIGHT_FOOT
+from scenes.gravity import GRAVITY
 
 WINDOW = 1.0  # [s] half width of the average over the feet
 # How far least-effort answers to random transitions are carried along by their first velocity: v0 DRIFT (1 -

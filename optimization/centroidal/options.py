@@ -12,7 +12,6 @@ from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 
-GRAVITY = 9.81  # [m/s^2], as in Drake
 REFERENCE_STEP = 0.2  # [s]: the documents sum their cost over knots of 0.2 s; other steps are weighted by dt / 0.2
 
 # Units of the program: m, s, M g; moments in M g ARM and angular momenta in M g ARM s, so that columns are of one size.

@@ -14,16 +14,15 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.solvers import MathematicalProgram
 
-from optimization.balance.contact_wrench import CornerForces
 from optimization.centroidal.check import violations
 from optimization.centroidal.com_bounds import final_box, height_bounds
-from optimization.centroidal.cost import cost_terms
+from optimization.centroidal.data import CentroidalData
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.explanation import explain
 from optimization.centroidal.flight import impossible_flight
 from optimization.centroidal.guess import guess_com, guess_forces, guess_total_force
 from optimization.centroidal.model import CentroidalModel
-from optimization.centroidal.options import ARM, COST_SCALE, GRAVITY, PENALTY, CentroidalOptions
+from optimization.centroidal.options import ARM, COST_SCALE, PENALTY, CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem, structure
 from optimization.centroidal.rows import (
     contact_wrench_rows,
@@ -35,12 +34,12 @@ from optimization.centroidal.rows import (
     soft_limit_rows,
     total_force_rows,
 )
-from optimization.centroidal.trajectory import CentroidalTrajectory, WrenchIntegrator
+from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.convex import piqp_adapter
 from optimization.convex.sequential_convex import minimise
 from optimization.convex.solver import ConvexSolver, SolverSettings
 from optimization.convex.updatable_program import Rows, UpdatableProgram
-from scenes.effector import EFFECTORS
+from scenes.gravity import GRAVITY
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
 ACCURACY = 1e-7  # of the convex programs; forces are cut back to their cones and integrated exactly afterwards
@@ -87,8 +86,8 @@ class CentroidalProgram:
     force: np.ndarray
 
     def __init__(self, problem: CentroidalProblem, options: CentroidalOptions | None = None) -> None:
-        self.problem, self.options = problem, options or CentroidalOptions()
-        self._read_data()
+        self.options = options or CentroidalOptions()
+        self._read(problem)
         self._host = UpdatableProgram()
         self._rows: dict[str, Callable[[], Rows]] = {}
         self._bounds: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {}
@@ -112,72 +111,40 @@ class CentroidalProgram:
         """The convex program about the last trajectory, with the present numbers."""
         return self._host.prog
 
+    @property
+    def problem(self) -> CentroidalProblem:
+        """The present data, in SI."""
+        return self.data.problem
+
     def update(self, problem: CentroidalProblem) -> None:
         """Takes other data of the same structure (see `structure`): nothing is rebuilt.
 
         Raises:
             ValueError: the structure differs.
         """
-        if structure(problem) != self.structure:
+        if structure(problem) != structure(self.problem):
             raise ValueError("the new problem's contacts are not active at the same times, or it tracks other things")
-        self.problem = problem
-        self._read_data()
+        self._read(problem)
         for name, rows in self._rows.items():
             self._host.update_rows(name, *rows())
         for name, bounds in self._bounds.items():
             self._host.update_bounds(name, *bounds())
         if self._host.num_cones:
             self._host.update_cones("friction cone", self._cone_matrices())
-        self._host.update_diagonal_costs(*self._cost_terms())
+        self._host.update_diagonal_costs(self.data.cost_diagonal, self.data.cost_target)
 
-    def _read_data(self) -> None:
-        """The problem's numbers in the program's units."""
-        problem, schedule = self.problem, self.problem.schedule
-        self.structure = structure(problem)
-        self.weight = problem.mass * GRAVITY
-        self.origin = np.array(problem.initial_com)
-        self.dt = schedule.dt
-        self.v0 = problem.initial_linear_momentum / problem.mass
-        self.k0 = problem.initial_angular_momentum / (self.weight * ARM)
-        self.integrator = WrenchIntegrator(schedule, np.stack([problem.initial_com, self.v0, self.k0 * ARM]))
-        self.interval, self.effector = self.integrator.interval, self.integrator.effector
-        self.p, self.R = self.integrator.p_WC, self.integrator.R_WC
-        self.half = problem.half_extent[self.effector]
-        _, _, friction = schedule.poses()
-        held = schedule.active[self.interval, self.effector]
-        self.corners = CornerForces(self.options.cone, friction[held], self.half, ARM)
-        unit = self.weight * ARM
-        self.momentum_limits = tuple(
-            np.asarray(limit, float) / unit
-            for limit in (self.options.angular_momentum_limit, self.options.angular_momentum_rate_limit)
-        )
-        self.reach = self._reach_data()
+    def _read(self, problem: CentroidalProblem) -> None:
+        """The problem's numbers, and the first trajectory to linearise about."""
+        self.data = data = CentroidalData.of(problem, self.options)
         com = guess_com(problem, self.options)
-        wrench = np.zeros((len(self.interval), 6))
-        wrench[:, :3] = guess_forces(problem, com, self.interval, self.effector)
+        wrench = np.zeros((len(data.interval), 6))
+        wrench[:, :3] = guess_forces(problem, com, data.interval, data.effector)
         self._about = com, guess_total_force(problem, com), wrench
 
-    def _reach_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(K,) knot less one, (K, 3) contact point and (K,) greatest distance [m]: contacts next to knots 1..N-1."""
-        schedule = self.problem.schedule
-        held = np.zeros((len(self.dt), len(schedule.contacts)), bool)
-        held[self.interval, schedule.active[self.interval, self.effector]] = True
-        held[:-1] |= held[1:]  # at the knot where a contact is made it must be within reach already
-        knot, contact = np.nonzero(held)
-        p_WC, _, _ = schedule.poses()
-        reach = [self.options.com_reach[EFFECTORS.index(c.effector)] for c in schedule.contacts]
-        return knot, p_WC[contact], np.array(reach, float)[contact]
-
     def _add_variables(self) -> None:
-        N, J = len(self.dt), len(self.interval)
-        state = [(name, N, 3) for name in ("com", "v", "k", "a", "kdot")]
-        self.index: dict[str, np.ndarray] = {}
-        for name, count, width in (
-            *state, ("s", N, 1), ("s_end", 1, 1), ("wrench", J, 6), ("z", J, 3), ("force", J, 12)
-        ):  # fmt: skip
-            variables, self.index[name] = self._host.add_variables(name, count, width)
+        for name, index in self.data.index.items():
+            variables, _ = self._host.add_variables(name, *index.shape)
             setattr(self, name, variables)
-        self.num_vars = self._host.num_vars
 
     def _add_rows(self, name: str, rows: Callable[[], Rows | None]) -> None:
         """Adds rows and remembers how to make them from new numbers."""
@@ -197,39 +164,39 @@ class CentroidalProgram:
 
     def _add_newton(self) -> None:
         """v[n+1] - v[n] - dt g a[n] = 0."""
-        v, a = self.index["v"], self.index["a"]
-        self._add_rows("newton", lambda: difference_rows(v, a, GRAVITY * self.dt, self.v0))
+        v, a = self.data.index["v"], self.data.index["a"]
+        self._add_rows("newton", lambda: difference_rows(v, a, GRAVITY * self.data.dt, self.data.v0))
 
     def _add_integration(self) -> None:
         """com[n+1] - com[n] - dt v[n+1] = 0 and k[n+1] - k[n] - dt kdot[n] = 0."""
-        com, v, k, kdot = (self.index[name] for name in ("com", "v", "k", "kdot"))
-        self._add_rows("com integration", lambda: difference_rows(com, v, self.dt, np.zeros(3)))
-        self._add_rows("angular momentum integration", lambda: difference_rows(k, kdot, self.dt, self.k0))
+        com, v, k, kdot = (self.data.index[name] for name in ("com", "v", "k", "kdot"))
+        self._add_rows("com integration", lambda: difference_rows(com, v, self.data.dt, np.zeros(3)))
+        self._add_rows("angular momentum integration", lambda: difference_rows(k, kdot, self.data.dt, self.data.k0))
 
     def _add_total_force(self) -> None:
         """a - sum R f = -e_z."""
-        a, wrench = self.index["a"], self.index["wrench"]
-        self._add_rows("total force", lambda: total_force_rows(a, wrench, self.interval, self.R))
+        a, wrench = self.data.index["a"], self.data.index["wrench"]
+        self._add_rows("total force", lambda: total_force_rows(a, wrench, self.data.interval, self.data.R_WC))
 
     def _add_contact_wrenches(self) -> None:
         """(f, m) - map force = 0, and f_z within the end effector's limit."""
-        wrench, force = self.index["wrench"], self.index["force"]
-        self._add_rows("contact wrench", lambda: contact_wrench_rows(wrench, force, self.corners.map))
-        limit = np.asarray(self.options.force_limit, float)[self.effector]
+        wrench, force = self.data.index["wrench"], self.data.index["force"]
+        self._add_rows("contact wrench", lambda: contact_wrench_rows(wrench, force, self.data.corners.map))
+        limit = np.asarray(self.options.force_limit, float)[self.data.effector]
         self._add_bounds("force limit", wrench[:, 2], lambda: (np.full(len(limit), -np.inf), limit))
 
     def _add_friction_cones(self) -> None:
         """Faces of the cone for each corner force; Lorentz cones for `second_order` where the solver takes them."""
-        force = self.index["force"]
+        force = self.data.index["force"]
         if self.options.cone == "second_order" and not self._linear_only():
             self._host.add_cones("friction cone", self._cone_matrices(), force.reshape(-1, 3))
         else:
-            self._add_rows("friction cone", lambda: friction_rows(force, self.corners.rows))
+            self._add_rows("friction cone", lambda: friction_rows(force, self.data.corners.rows))
 
     def _cone_matrices(self) -> np.ndarray:
         """(4 J, 3, 3) matrices whose product with a corner force is (mu f_z, f_x, f_y)."""
-        matrices = np.zeros((4 * len(self.interval), 3, 3))
-        matrices[:, 0, 2] = np.repeat(self.corners.friction, 4)
+        matrices = np.zeros((4 * len(self.data.interval), 3, 3))
+        matrices[:, 0, 2] = np.repeat(self.data.corners.friction, 4)
         matrices[:, 1, 0] = matrices[:, 2, 1] = 1.0
         return matrices
 
@@ -239,23 +206,23 @@ class CentroidalProgram:
 
     def _add_angular_momentum_rate(self) -> None:
         """kdot - sum ((p - com0) x R f / ARM + R m) - u0 x (com - com0) / ARM = 0, about com0 and u0 = a0 + e_z."""
-        kdot, com, wrench = (self.index[name] for name in ("kdot", "com", "wrench"))
+        kdot, com, wrench = (self.data.index[name] for name in ("kdot", "com", "wrench"))
 
         def rows() -> Rows:
-            pose, about = (self.p, self.R), self._about[:2]
-            return momentum_rate_rows(kdot, com, wrench, self.interval, pose, about, self.origin)
+            pose, about = (self.data.p_WC, self.data.R_WC), self._about[:2]
+            return momentum_rate_rows(kdot, com, wrench, self.data.interval, pose, about, self.data.origin)
 
         self._add_rows("angular momentum rate", rows)
 
     def _add_pressure_centre(self) -> None:
         """z - J wrench = z0 - J wrench0, with J the Jacobian of z about wrench0."""
-        z, wrench = self.index["z"], self.index["wrench"]
-        self._add_rows("pressure centre", lambda: pressure_rows(z, wrench, self._about[2], self.half))
+        z, wrench = self.data.index["z"], self.data.index["wrench"]
+        self._add_rows("pressure centre", lambda: pressure_rows(z, wrench, self._about[2], self.data.half))
 
     def _add_reach(self) -> None:
         """e . (com - p) - ARM s <= reach, e pointing from the contact to com0: the ball's supporting half space."""
-        com, slack = self.index["com"], self.index["s"]
-        self._add_rows("reach", lambda: reach_rows(com, slack, self.reach, self._about[0], self.origin))
+        com, slack = self.data.index["com"], self.data.index["s"]
+        self._add_rows("reach", lambda: reach_rows(com, slack, self.data.reach, self._about[0], self.data.origin))
 
     def linearise(self, com: np.ndarray, total_force: np.ndarray, wrench: np.ndarray) -> None:
         """Linearises about another trajectory.
@@ -272,38 +239,38 @@ class CentroidalProgram:
 
     def bound_step(self, com: np.ndarray, radius: float) -> None:
         """Keeps the CoM within `radius` per axis of this path (N-1, 3) [m]."""
-        self._host.update_bounds("com step", com - self.origin - radius, com - self.origin + radius)
+        self._host.update_bounds("com step", com - self.data.origin - radius, com - self.data.origin + radius)
 
     def _add_angular_momentum_limits(self) -> None:
         """|k_i| <= limit + s and |kdot_i| <= limit + s; the slacks cost PENALTY each."""
-        slacks = np.concatenate([self.index["s"].ravel(), self.index["s_end"].ravel()])
+        slacks = np.concatenate([self.data.index["s"].ravel(), self.data.index["s_end"].ravel()])
         self._add_bounds("slack", slacks, lambda: (np.zeros(len(slacks)), np.full(len(slacks), np.inf)))
         self._host.add_linear_cost(slacks, PENALTY)
         self._add_rows("k limit", lambda: self._soft_limit("k", 0))
         self._add_rows("kdot limit", lambda: self._soft_limit("kdot", 1))
 
     def _soft_limit(self, name: str, which: int) -> Rows | None:
-        return soft_limit_rows(self.index[name], self.index["s"], self.momentum_limits[which])
+        return soft_limit_rows(self.data.index[name], self.data.index["s"], self.data.momentum_limits[which])
 
     def _add_com_bounds(self) -> None:
         """Height over the feet in contact, box around the reference, final box, and room for `bound_step`."""
-        com = self.index["com"]
+        com = self.data.index["com"]
 
         def height() -> tuple[np.ndarray, np.ndarray]:
             low, high = height_bounds(self.problem, self.options)
-            return low - self.origin[2], high - self.origin[2]
+            return low - self.data.origin[2], high - self.data.origin[2]
 
         def box() -> tuple[np.ndarray, np.ndarray]:
             reference, half = self.problem.com_reference, self.problem.com_box
             assert reference is not None  # the problem saw to it
             assert half is not None
-            centre = reference[1:] - self.origin
+            centre = reference[1:] - self.data.origin
             return centre - half[1:], centre + half[1:]
 
         def final() -> tuple[np.ndarray, np.ndarray]:
             corners = final_box(self.problem, self.options)
             assert corners is not None  # by the same structure
-            return corners[0] - self.origin, corners[1] - self.origin
+            return corners[0] - self.data.origin, corners[1] - self.data.origin
 
         self._add_bounds("com height", com[:, 2], height)
         if self.problem.com_box is not None:
@@ -315,30 +282,25 @@ class CentroidalProgram:
     def _add_rest(self) -> None:
         """v = 0 and |k_i| <= s_end at the last two knots: the forces between and after them hold it at rest."""
         if self.options.rest_at_end:
-            v, k, slack = self.index["v"][-2:], self.index["k"][-2:], self.index["s_end"]
+            v, k, slack = self.data.index["v"][-2:], self.data.index["k"][-2:], self.data.index["s_end"]
             self._add_bounds("rest: linear momentum", v, lambda: (np.zeros(v.shape), np.zeros(v.shape)))
             self._add_rows("rest: angular momentum", lambda: soft_limit_rows(k, slack, np.zeros(3)))
 
     def _add_costs(self) -> None:
         """One diagonal quadratic cost for each interval, over its state, its contacts and their residuals."""
-        first = np.searchsorted(self.interval, np.arange(len(self.dt) + 1))
-        state = np.concatenate([self.index[name] for name in ("com", "v", "k", "a", "kdot")], axis=1)
-        contact = np.concatenate([self.index["wrench"], self.index["z"]], axis=1)
+        first = np.searchsorted(self.data.interval, np.arange(len(self.data.dt) + 1))
+        state = np.concatenate([self.data.index[name] for name in ("com", "v", "k", "a", "kdot")], axis=1)
+        contact = np.concatenate([self.data.index["wrench"], self.data.index["z"]], axis=1)
         groups = [
             (f"effort[{n}]", np.concatenate([state[n], contact[first[n] : first[n + 1]].ravel()]))
-            for n in range(len(self.dt))
+            for n in range(len(self.data.dt))
         ]
-        self._host.add_diagonal_costs(*self._cost_terms(), groups)
-
-    def _cost_terms(self) -> tuple[np.ndarray, np.ndarray]:
-        terms = cost_terms(self.problem, self.options.weights, self.index, self.interval, self.num_vars)
-        self.cost_diagonal, self.cost_target = terms
-        return terms
+        self._host.add_diagonal_costs(self.data.cost_diagonal, self.data.cost_target, groups)
 
     def start_from(self, trajectory: CentroidalTrajectory) -> None:
         """Linearises about an earlier answer for the same schedule, so that `solve` starts there."""
-        force, moment = self.integrator.wrenches(trajectory, self.problem.mass)
-        state = self.integrator.integrate(force, moment)
+        force, moment = self.data.integrator.wrenches(trajectory, self.problem.mass)
+        state = self.data.integrator.integrate(force, moment)
         self.linearise(state.com, state.total_force, np.concatenate([force, moment / ARM], axis=1))
 
     def _convex_solver(self) -> ConvexSolver:
@@ -357,7 +319,7 @@ class CentroidalProgram:
         options = self.options
         self.bound_step(self._about[0], np.inf)
         outcome = minimise(
-            CentroidalModel(self),
+            CentroidalModel(self.data, self.linearise, self.bound_step),
             self._convex_solver(),
             max_iterations=options.max_iterations,
             tolerance=options.tolerance,
@@ -370,7 +332,7 @@ class CentroidalProgram:
         if point is None:
             return CentroidalEstimate(False, np.inf, self._why_not(stopped), outcome.records, None, stopped)
         force, moment = point.wrench[:, :3], ARM * point.wrench[:, 3:]
-        trajectory = self.integrator.trajectory(self.problem.schedule, force, moment, self.problem.mass)
+        trajectory = self.data.integrator.trajectory(self.problem.schedule, force, moment, self.problem.mass)
         found = violations(self.problem, options, trajectory)
         reason = str(found[0]) if found else ""
         if found and stopped:
@@ -384,4 +346,4 @@ class CentroidalProgram:
         flight = impossible_flight(self.problem, self.options)
         if flight:
             return flight
-        return explain(self) if self.options.explain else "the convex program has no answer"
+        return explain(self.prog, self.data) if self.options.explain else "the convex program has no answer"

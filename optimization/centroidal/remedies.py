@@ -237,7 +237,7 @@ def _says_more(one: tuple[Lever, Remedy], lever: Lever, remedy: Remedy) -> bool:
 def find_blockages(program: CentroidalProgram, estimate: CentroidalEstimate) -> list[Blockage]:
     """What stands in the way of a problem that was found infeasible, the worst first."""
     problem, options, trajectory = program.problem, program.options, estimate.trajectory
-    found = shortfalls(program) if trajectory is None else violations(problem, options, trajectory)
+    found = shortfalls(program.prog, program.data) if trajectory is None else violations(problem, options, trajectory)
     schedule = problem.schedule
     phases, times = schedule.phases, schedule.times
     out = []

@@ -256,7 +256,7 @@ class _TimingSearch:
         if trajectory is None:
             return _Candidate(problem, program, estimate, np.inf, (True, np.inf, np.inf))
         moved = np.sum((schedule.dt - self.problem.schedule.dt) ** 2)
-        objective = whole_cost(program, trajectory) + self.timing.change_weight * float(moved)
+        objective = whole_cost(program.data, trajectory) + self.timing.change_weight * float(moved)
         excess = sum(violation.excess for violation in violations(problem, self.options, trajectory))
         return _Candidate(problem, program, estimate, objective, (not estimate.feasible, excess, objective))
 

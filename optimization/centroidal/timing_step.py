@@ -18,11 +18,13 @@ from pydrake.solvers import (
 )
 
 from optimization.centroidal.cost import cost_terms
+from optimization.centroidal.data import CentroidalData
 from optimization.centroidal.model import program_values
-from optimization.centroidal.options import ARM, COST_SCALE, GRAVITY
+from optimization.centroidal.options import ARM, COST_SCALE
 from optimization.centroidal.program import CentroidalProgram
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.convex.solver import ConvexSolver, SolveRecord, SolverSettings, worst_violation
+from scenes.gravity import GRAVITY
 
 # integrated variables, their rate and its factor
 INTEGRATIONS = {
@@ -69,7 +71,7 @@ class TimingStep:
         self.share = self.dt / self.durations[group]
         program.start_from(trajectory)
         program.bound_step(trajectory.com[1:], np.inf)
-        self.x = trajectory_values(program, trajectory)
+        self.x = trajectory_values(program.data, trajectory)
         self.prog = MathematicalProgram()
         self.prog.AddDecisionVariables(program.prog.decision_variables())
         self.change = self.prog.NewContinuousVariables(len(self.durations), "D")
@@ -88,9 +90,9 @@ class TimingStep:
     def _add_integration(self, name: str) -> None:
         """x[n+1] - x[n] - dt rate[n] - rate0[n] delta_n = 0, or x0 in the first row."""
         of, rate, factor = INTEGRATIONS[name]
-        index, rates = self.program.index[of], self.program.index[rate]
+        index, rates = self.program.data.index[of], self.program.data.index[rate]
         right = np.zeros(index.shape)
-        right[0] = {"v": self.program.v0, "com": np.zeros(3), "k": self.program.k0}[of]
+        right[0] = {"v": self.program.data.v0, "com": np.zeros(3), "k": self.program.data.k0}[of]
         row = np.arange(index.size).reshape(index.shape)
         duration = self.program.prog.num_vars() + np.broadcast_to(self.group[:, None], index.shape)
         slope = factor * self.x[rates] * self.share[:, None]
@@ -113,7 +115,7 @@ class TimingStep:
             if not binding.evaluator().get_description().startswith("effort["):
                 self.prog.AddCost(binding)
         root, offset, slope = self.residuals()
-        interval_of = interval_of_variables(self.program)
+        interval_of = interval_of_variables(self.program.data)
         variables = self.prog.decision_variables()
         for n, g in enumerate(self.group):
             index = np.flatnonzero((interval_of == n) & (root > 0))
@@ -139,13 +141,13 @@ class TimingStep:
 
         r = sqrt(w) (x - t), so dr/d dt = w' / (2 sqrt(w)) (x - t) - sqrt(w) t'.
         """
-        program = self.program
-        weight, target = program.cost_diagonal, program.cost_target
-        schedule = program.problem.schedule
-        longer = replace(program.problem, schedule=replace(schedule, dt=self.dt * (1 + RELATIVE_STEP)))
-        args = program.options.weights, program.index, program.interval, program.num_vars
+        data = self.program.data
+        weight, target = data.cost_diagonal, data.cost_target
+        schedule = data.problem.schedule
+        longer = replace(data.problem, schedule=replace(schedule, dt=self.dt * (1 + RELATIVE_STEP)))
+        args = data.options.weights, data.index, data.interval, data.num_vars
         later_weight, later_target = cost_terms(longer, *args)
-        dt = self.dt[interval_of_variables(program)]
+        dt = self.dt[interval_of_variables(data)]
         weight_slope, target_slope = (
             (later - now) / (RELATIVE_STEP * dt) for later, now in ((later_weight, weight), (later_target, target))
         )
@@ -187,25 +189,35 @@ class TimingStep:
         return np.full(len(self.change), np.nan)
 
 
-def interval_of_variables(program: CentroidalProgram) -> np.ndarray:
+def interval_of_variables(data: CentroidalData) -> np.ndarray:
     """(n,) interval whose length weighs each variable in the cost; 0 for those that cost nothing."""
-    out = np.zeros(program.num_vars, int)
+    out = np.zeros(data.num_vars, int)
     for name in ("com", "v", "k", "a", "kdot"):
-        out[program.index[name]] = np.arange(len(program.dt))[:, None]
+        out[data.index[name]] = np.arange(len(data.dt))[:, None]
     for name in ("wrench", "z"):
-        out[program.index[name]] = program.interval[:, None]
+        out[data.index[name]] = data.interval[:, None]
     return out
 
 
-def trajectory_values(program: CentroidalProgram, trajectory: CentroidalTrajectory) -> np.ndarray:
-    """(n,) values of the program's variables along a trajectory of its problem; corner forces and slacks are left 0."""
-    force, moment = program.integrator.wrenches(trajectory, program.problem.mass)
-    state = program.integrator.integrate(force, moment)
+def trajectory_values(data: CentroidalData, trajectory: CentroidalTrajectory) -> np.ndarray:
+    """(n,) values of a program's variables along a trajectory; corner forces and slacks are left 0.
+
+    Args:
+        data: of the program.
+        trajectory: one of its problem.
+    """
+    force, moment = data.integrator.wrenches(trajectory, data.problem.mass)
+    state = data.integrator.integrate(force, moment)
     wrench = np.concatenate([force, moment / ARM], axis=1)
-    return program_values(program, wrench, state)
+    return program_values(data, wrench, state)
 
 
-def whole_cost(program: CentroidalProgram, trajectory: CentroidalTrajectory) -> float:
-    """The documents' objective of a trajectory, the pull towards a CoM reference included."""
-    x = trajectory_values(program, trajectory)
-    return float(np.sum(program.cost_diagonal * (x - program.cost_target) ** 2)) / COST_SCALE
+def whole_cost(data: CentroidalData, trajectory: CentroidalTrajectory) -> float:
+    """Objective of a trajectory (Lin 2020 sec. 6.3 and 6.7), the pull towards a CoM reference included.
+
+    Args:
+        data: of the program.
+        trajectory: one of its problem.
+    """
+    x = trajectory_values(data, trajectory)
+    return float(np.sum(data.cost_diagonal * (x - data.cost_target) ** 2)) / COST_SCALE

@@ -13,7 +13,7 @@ import numpy as np
 
 from optimization.balance.contact_wrench import cross
 from optimization.centroidal.contact_schedule import ContactSchedule
-from optimization.centroidal.options import GRAVITY
+from scenes.gravity import GRAVITY
 
 LEAST_LOAD = 1e-9  # [M g]: below it a contact carries nothing and its centre of pressure is put at the centre
 

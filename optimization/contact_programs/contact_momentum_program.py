@@ -24,10 +24,10 @@ from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.mixed_integer.data import MixedIntegerData, read_program
 from optimization.mixed_integer.solver import MixedIntegerSettings, Progress
 from scenes.footholds.start_stance import standing_com
+from scenes.gravity import GRAVITY
 from scenes.input_error import InputError
 from scenes.stance import Stance
 
-GRAVITY = 9.81  # [m/s^2]
 LEVER = 1.5  # [m] greatest component of a contact's lever arm to the CoM
 PRODUCTS = ((1, 2), (2, 1), (2, 0), (0, 2), (0, 1), (1, 0))  # (j, k) of l_j f_k: x+, x-, y+, y-, z+, z- of l x f
 QUARTER = 0.25

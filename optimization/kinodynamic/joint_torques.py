@@ -9,13 +9,14 @@ import numpy as np
 from numba import njit
 
 from optimization.centroidal.contact_schedule import ContactSchedule
-from optimization.centroidal.options import ARM, GRAVITY
+from optimization.centroidal.options import ARM
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.convex.sparse_rows import SparseRows
 from optimization.multibody.inverse_dynamics import inverse_dynamics
 from optimization.multibody.kinematic_tree import KinematicTree, forward, frame_jacobian
 from optimization.multibody.kinematics import Kinematics
+from scenes.gravity import GRAVITY
 
 
 def contact_wrenches(trajectory: CentroidalTrajectory, schedule: ContactSchedule) -> np.ndarray:

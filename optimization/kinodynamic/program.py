@@ -233,7 +233,7 @@ class KinodynamicProgram:
         else:
             program = CentroidalProgram(centroidal, self._pulled if again else self.options.centroidal)
             if rows is not None:
-                program.add_rows("joint torques", lambda: rows.in_program(program.index["wrench"]))
+                program.add_rows("joint torques", lambda: rows.in_program(program.data.index["wrench"]))
             if len(self._programs) >= MOST_PROGRAMS:
                 del self._programs[next(iter(self._programs))]
             self._programs[key] = program

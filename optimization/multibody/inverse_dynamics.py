@@ -13,8 +13,7 @@ from numba import njit
 from pydrake.multibody.plant import MultibodyPlant
 
 from optimization.multibody.kinematic_tree import KinematicTree, forward
-
-GRAVITY = 9.81  # [m/s^2]
+from scenes.gravity import GRAVITY
 
 
 def inverse_dynamics(tree: KinematicTree, q: np.ndarray, v: np.ndarray, vdot: np.ndarray) -> np.ndarray:

@@ -22,12 +22,13 @@ from scipy.spatial.transform import Rotation
 
 from optimization.balance.friction import FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
-from optimization.centroidal.options import ARM, GRAVITY, CentroidalOptions, CentroidalWeights
+from optimization.centroidal.options import ARM, CentroidalOptions, CentroidalWeights
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.program import CentroidalProgram
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
+from scenes.gravity import GRAVITY
 from scenes.input_error import InputError
 
 LETTERS = ("lf", "rf", "lh", "rh")  # the file's names of our end effectors, in our order

@@ -40,8 +40,8 @@ from drakeplan.contact_planning.program_planner import FORMULATIONS
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
 from learning.surrogate import load_surrogate
 from optimization.centroidal.estimate import CentroidalEstimate
-from optimization.centroidal.options import GRAVITY
 from scenes.contact import Contact
+from scenes.gravity import GRAVITY
 from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 

@@ -16,8 +16,9 @@ from optimization.capture.inverted_pendulum import (
     one_step_region,
     support_polygon,
 )
-from optimization.centroidal.options import GRAVITY, CentroidalOptions
+from optimization.centroidal.options import CentroidalOptions
 from scenes.contact import Contact, contact_pose
+from scenes.gravity import GRAVITY
 from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 

@@ -113,7 +113,7 @@ def test_no_step_towards_another_feasible_trajectory_lowers_the_cost():
 
     def best(weights):
         program = CentroidalProgram(data, CentroidalOptions(weights=weights))
-        model = CentroidalModel(program)
+        model = CentroidalModel(program.data, program.linearise, program.bound_step)
         outcome = minimise(
             model, ConvexSolver(program.prog), max_iterations=30, tolerance=1e-8, time_limit=30, radius=0.1
         )

@@ -80,7 +80,7 @@ def test_every_number_of_the_convex_program_is_updated():
 def test_data_of_another_structure_are_refused():
     program = CentroidalProgram(problem(0))
     for other in (problem(1, palm=False), problem(1, tracked=True)):
-        assert structure(other) != program.structure
+        assert structure(other) != structure(program.problem)
         with pytest.raises(ValueError, match="same times"):
             program.update(other)
     shorter = problem(1)

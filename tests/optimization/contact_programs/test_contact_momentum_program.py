@@ -7,7 +7,6 @@ import pytest
 
 from optimization.balance.friction import SQUARE, excess
 from optimization.contact_programs.contact_momentum_program import (
-    GRAVITY,
     PRODUCTS,
     ContactDynamicsOptions,
     ContactDynamicsProgram,
@@ -20,6 +19,7 @@ from optimization.mixed_integer.dive import dive
 from optimization.mixed_integer.solver import MixedIntegerSettings, solve_mixed_integer
 from scenes.files.scene_source import load_scene
 from scenes.footholds.projection import set_down
+from scenes.gravity import GRAVITY
 from scenes.input_error import InputError
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal

@@ -9,12 +9,13 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.tree import MultibodyForces
 
 from optimization.centroidal.contact_schedule import ContactSchedule
-from optimization.centroidal.options import ARM, GRAVITY
+from optimization.centroidal.options import ARM
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.kinodynamic.joint_torques import TorqueRows, joint_torques
 from optimization.multibody.inverse_dynamics import effort_limits, inverse_dynamics
 from optimization.multibody.kinematics import Kinematics
 from scenes.contact import Contact, contact_pose
+from scenes.gravity import GRAVITY
 from scenes.robots.plant import build_plant
 from scenes.robots.robot import load_robot
 
