@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 from scipy.special import expit
 
 from learning.calibration import fit_platt, fit_training_range, reliability_curve, threshold_for_recall
@@ -32,8 +33,12 @@ def test_platt_scaling_finds_the_distortion_that_was_put_in(scale: float, offset
     rng = np.random.default_rng(seed)
     true_logit = rng.normal(0.0, 2.0, 40_000)
     truth = rng.uniform(size=len(true_logit)) < expit(true_logit)
-    a, b = fit_platt((true_logit - offset) / scale, truth)
-    assert a == pytest.approx(scale, rel=0.08) and b == pytest.approx(offset, abs=0.15)
+    logit = (true_logit - offset) / scale
+    a, b = fit_platt(logit, truth)
+    # A maximum likelihood estimate of n samples spreads as the inverse of Fisher's information (Fisher 1925).
+    p, x = expit(true_logit), np.stack([logit, np.ones_like(logit)])
+    spread = np.sqrt(np.diag(np.linalg.inv((x * p * (1 - p)) @ x.T)))
+    assert abs(a - scale) < 4.0 * spread[0] and abs(b - offset) < 4.0 * spread[1]
 
 
 def test_platt_scaling_leaves_alone_what_it_cannot_judge_and_stays_finite_where_classes_separate() -> None:
@@ -78,13 +83,19 @@ def test_distance_is_mahalanobis_and_its_limit_holds_the_stated_share() -> None:
 
 
 def test_few_data_in_many_dimensions_do_not_make_all_others_far() -> None:
+    """The limit from 100 rows in 40 dimensions is too tight for new ones, as Hotelling 1931 says; held-out rows mend it."""
     rng = np.random.default_rng(4)
     few, others, fresh = (rng.normal(size=(n, 40)).astype(np.float32) for n in (100, 500, 5000))
     zeros = [np.zeros(n, int) for n in (100, 500, 5000)]
     alone = fit_training_range(few, zeros[0])
     aware = fit_training_range(few, zeros[0], held_out=(others, zeros[1]))
-    assert np.mean(alone.distance(fresh, zeros[2]) > 1.0) > 0.3
-    assert np.mean(aware.distance(fresh, zeros[2]) > 1.0) < 0.03
+    # Hotelling: n / (n + 1) d^2 of a new row is (n - 1) p / (n - p) times an F variable with p and n - p degrees.
+    ratio = alone.limit[0] ** 2 * (100 / 101) * (100 - 40) / ((100 - 1) * 40)
+    expected = stats.f.sf(ratio, 40, 100 - 40)
+    assert expected > 0.3
+    assert np.mean(alone.distance(fresh, zeros[2]) > 1.0) == pytest.approx(expected, abs=0.05)
+    # The share beyond the k-th greatest of n is Beta(k, n - k + 1); here k = 500 (1 - 0.995), rounded up.
+    assert np.mean(aware.distance(fresh, zeros[2]) > 1.0) < stats.beta.ppf(0.999, 3, 500 - 3 + 1)
 
 
 def test_what_training_never_saw_is_far_also_where_it_saw_no_variation() -> None:

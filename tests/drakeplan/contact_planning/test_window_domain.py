@@ -68,8 +68,19 @@ def test_nothing_is_asked_until_a_state_is_confirmed(ik) -> None:
     for child, cost in zip(children, costs, strict=True):
         way = 0.5 * np.linalg.norm((p[child[0]] + p[child[1]] - p[start[0]] - p[start[1]])[:2])
         assert cost == pytest.approx(2.0 * way + 5.0)
-    assert found.dynamic.confirm(start, children[0]) is not None
+    assert found.dynamic.confirm(start, ahead(found, children))
     assert found.dynamic.evaluator.asked["exact"] == 1
+
+
+def test_a_step_is_not_confirmed_when_the_body_starts_beside_the_feet(ik) -> None:
+    """At rest with the CoM 0.4 m beside the feet the capture point is off the support, so the body falls."""
+    found = planner(ik)
+    held = found._start_state[:4]
+    com, _ = found.dynamic.com_state(found._start_state)
+    beside = found.dynamic.start(held, com + np.array([0.0, 0.4, 0.0]))
+    children, _ = found.dynamic.successors(beside)
+    assert not found.dynamic.confirm(beside, ahead(found, children))
+    assert found.dynamic.rejections["dynamics"] == 1
 
 
 def test_an_answer_is_kept(ik) -> None:

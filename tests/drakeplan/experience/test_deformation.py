@@ -73,7 +73,6 @@ def test_the_verifier_accepts_the_deformed_plan_as_a_file(result: DeformResult, 
     write_plan(result.plan, tmp_path / "deformed.h5")
     report = verify(tmp_path / "deformed.h5")
     assert report.holds, report.table()
-    assert result.report["deform_s"] < 5.0
 
 
 def test_the_verifier_refuses_the_old_plan_on_the_moved_scene(

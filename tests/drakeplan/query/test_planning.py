@@ -9,10 +9,14 @@ import h5py
 import numpy as np
 import pytest
 
+from drakeplan.contact_planning.search_planner import SearchPlanner
+from drakeplan.context import QueryContext
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.result import PlanResult
+from drakeplan.search.ana_star import Limits
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
@@ -78,10 +82,14 @@ def test_a_mesh_is_crossed() -> None:
     assert result.status == "complete", result.reason
 
 
-def test_the_steep_slope_has_no_quasi_static_crossing_under_a_true_cone() -> None:
-    result = plan(load_scene("steep_slope"), expansions=300, dynamics="quasi-static")
-    assert result.status == "none"
-    assert "expansion" in result.reason or "exhausted" in result.reason
+@pytest.mark.parametrize("cone", ["inner", "square", "second_order", "diamond"])
+def test_the_steep_slope_has_a_quasi_static_crossing_only_under_a_cone_that_exceeds_coulombs(cone: str) -> None:
+    """tan 30 deg = 0.577 exceeds the friction of 0.5; the diamond claims up to 0.707 across its corners."""
+    planner = SearchPlanner(QueryContext(load_scene("steep_slope"), ESCHER, WholeBodyIK(ESCHER), cone))
+    found = next(planner.plans(Limits(expansions=300)), None)
+    assert (found is not None) == (cone == "diamond"), planner.why_not()
+    if found is None:
+        assert planner.domain.rejections["friction"] > 0
 
 
 def test_a_goal_on_an_island_is_unreachable_on_the_grid() -> None:
@@ -100,8 +108,7 @@ def test_a_wall_across_the_way_is_unreachable_on_the_grid() -> None:
 
 
 def test_a_start_on_ice_that_tilts_is_infeasible_and_says_why() -> None:
-    rise = 0.3
-    corners = [[-1, -1, -rise], [1, -1, rise * 0 - rise], [1, 1, rise], [-1, 1, rise]]
+    corners = [[-1, -1, -0.3], [1, -1, -0.3], [1, 1, 0.3], [-1, 1, 0.3]]  # rises by 0.3 m a metre to the left
     tilted = Surface("ice", np.array(corners, float), friction=0.05)
     result = plan(on(Terrain((tilted, floor("goal", (1.0, 4.0)))), (2.5, 0.0, 0.0)))
     assert result.status == "none"
@@ -127,9 +134,10 @@ def test_a_given_start_stance_is_kept() -> None:
 
 def test_unknown_planners_and_numbers_that_are_none_are_refused() -> None:
     scene = load_scene("flat")
-    for bad in ({"planner": "mip"}, {"dynamics": "magic"}, {"deadline": float("nan")}, {"friction": -1.0}):
-        with pytest.raises(InputError):
-            plan(scene, **bad)
+    wrong = {"planner": "mip", "dynamics": "magic", "deadline": float("nan"), "friction": -1.0}
+    for name, value in wrong.items():
+        with pytest.raises(InputError, match=name):
+            plan(scene, **{name: value})
 
 
 def test_the_same_seed_and_budget_give_the_same_plan_bit_for_bit(tmp_path: Path) -> None:
