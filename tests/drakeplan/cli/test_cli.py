@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -393,14 +392,3 @@ def test_a_deadline_of_a_millisecond_is_exit_3_with_that_reason(capsys: pytest.C
     said = capsys.readouterr()
     assert "deadline" in json.loads(said.out)["reason"]
     assert "deadline" in said.err.splitlines()[-1]
-
-
-# ---- installation
-
-
-def test_every_package_is_installed() -> None:
-    root = Path(__file__).resolve().parents[3]
-    listed = set(tomllib.loads((root / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
-    floors = ("scenes", "optimization", "learning", "drakeplan")
-    found = {".".join(p.parent.relative_to(root).parts) for f in floors for p in (root / f).rglob("__init__.py")}
-    assert listed == found
