@@ -36,7 +36,7 @@ from scenes.effector import EFFECTORS
 from scenes.gravity import GRAVITY
 from scenes.library import slippery_slope, steep_slope, wide_gap, wider_gap
 from scenes.library.plates import FRICTION, level_plate
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
 from scenes.terrain.terrain import Terrain
@@ -198,7 +198,7 @@ def can_span(robot: Robot, stride: float, over: int | None, heading: float = 0.0
             [Contact(EFFECTORS[over], over, feet[over], FRICTION)], robot, FrictionCone.SECOND_ORDER
         )
     for part, drop in ((0.5, 0.05), (0.5, 0.25), (0.3, 0.05), (0.7, 0.05), (0.1, 0.25), (0.9, 0.25)):
-        q = robot.q_nominal.copy()
+        q = nominal_posture(robot).copy()
         q[:4] = math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)
         q[4:6] += stride * part, 0.0
         q[6] -= drop

@@ -36,6 +36,7 @@ from optimization.kinodynamic.program import KinodynamicOptions, KinodynamicProb
 from optimization.mixed_integer.solver import BACKENDS, MixedIntegerSettings
 from scenes.contact import Contact, contact_pose
 from scenes.files.scene_source import load_scene
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
@@ -82,7 +83,7 @@ def kinodynamic_row(robot: Robot) -> Row:
     began = time.process_time()
     dt = 0.1
     program = KinodynamicProgram(robot, KinodynamicOptions(centroidal=CentroidalOptions(dt=dt)))
-    q = np.array(robot.q_nominal)
+    q = np.array(nominal_posture(robot))
     built = time.process_time()
     standing = Stance((_foot("left_foot", 0.0), _foot("right_foot", 0.0), None, None))
     stances = [standing, standing.replace(0, _foot("left_foot", 0.25))]

@@ -18,6 +18,7 @@ from scenes.contact import Contact, contact_pose, contact_rotation
 from scenes.effector import is_foot
 from scenes.footholds.contact_regions import ContactRegions, cover_terrain
 from scenes.input_error import InputError
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.terrain.packed_terrain import PackedTerrain, near, pack_terrain
@@ -50,7 +51,7 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     ceiling = plate[::-1] + np.array([0.1, 0.0, 0.05])
     packed = pack_terrain(terrain_from([Surface("plate", plate), Surface("ceiling", ceiling)]))
     cover_terrain(packed, robot.effectors[0], heading=0.0)
-    model, q = ik.model, np.array(robot.q_nominal)[None]
+    model, q = ik.model, np.array(nominal_posture(robot))[None]
     rows = make_strip_rows(1, 4, q.shape[1] - 1)
     none = np.zeros(len(model.capsules.link), np.int64)
     linearise(model.tree, model.capsules, packed, none, q, np.ones((1, 4), bool), 0.0, 0.0, rows)

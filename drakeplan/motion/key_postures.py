@@ -27,6 +27,7 @@ from optimization.inverse_kinematics.posture_tracking import TrackedPostures, tr
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.multibody.kinematics import Kinematics
 from scenes.contact import Contact
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
 
 MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
@@ -139,7 +140,7 @@ def solve_key_postures(
     targets = _targets(robot, ik.kinematics, schedule, placed, polygons)
     if com_course is not None:
         targets = replace(targets, com=com_course.at(schedule.boundaries))
-    q = np.stack([standing_over(robot.q_nominal, p, heading) for p, heading in _stands(schedule, placed)])
+    q = np.stack([standing_over(nominal_posture(robot), p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
     room = Room.of(robot, monitor, spread)
@@ -193,7 +194,7 @@ def solve_course(
     num, num_effectors = len(middle), schedule.stance_contact.shape[1]
     X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
     place, com = np.zeros((num, num_effectors)), np.zeros((num, 3))
-    t, q = np.zeros(num), np.zeros((num, len(robot.q_nominal)))
+    t, q = np.zeros(num), np.zeros((num, len(nominal_posture(robot))))
     for i, n in enumerate(middle):
         phase = schedule.phases[n]
         t[i] = phase.start + HALFWAY * (phase.end - phase.start)
@@ -208,7 +209,7 @@ def solve_course(
             place[i, phase.mover] = FLY[0]
         last = len(schedule.stance_contact) - 1
         feet, heading = _stand(schedule, schedule.stance_contact[[n // 2, min((n + 1) // 2, last)]])
-        q[i] = standing_over(robot.q_nominal, feet, heading)
+        q[i] = standing_over(nominal_posture(robot), feet, heading)
     tree = ik.kinematics.tree
     turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
     targets = TrackingTargets(
@@ -304,10 +305,10 @@ def _targets(
     X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
     for b, e in zip(*np.nonzero(placed >= 0), strict=True):
         X_WE[b, e] = schedule.contacts[placed[b, e]].X_WC
-    com, q_ref = np.zeros((num, 3)), np.empty((num, len(robot.q_nominal)))
+    com, q_ref = np.zeros((num, 3)), np.empty((num, len(nominal_posture(robot))))
     for b, (feet, heading) in enumerate(_stands(schedule, placed)):
         com[b, :2] = resting_point(polygons[b], feet[:2]) if len(polygons[b]) >= 3 else feet[:2]
-        q_ref[b] = standing_over(robot.q_nominal, feet, heading)
+        q_ref[b] = standing_over(nominal_posture(robot), feet, heading)
     tree = kinematics.tree
     hold = np.where(placed >= 0, HOLD, 0.0)
     weight = posture_weight(len(tree.lower))

@@ -10,6 +10,7 @@ from drakeplan.motion.proximity import KEEP, Encounters, ProximityMonitor
 from optimization.inverse_kinematics.frame_task import TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.multibody.kinematic_tree import KinematicTree, forward
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
 
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
@@ -31,7 +32,7 @@ class Room:
 
     @classmethod
     def of(cls, robot: Robot, monitor: ProximityMonitor, spread: float) -> Room:
-        met = monitor.near(np.array(robot.q_nominal, float)[None], [0], spread)
+        met = monitor.near(np.array(nominal_posture(robot), float)[None], [0], spread)
         met = met.where(~met.with_terrain)
         least: dict[tuple[str, str], float] = {}
         for bodies, distance in zip(met.bodies, met.distance.tolist(), strict=True):

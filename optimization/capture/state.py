@@ -15,6 +15,7 @@ from optimization.inverse_kinematics.posture_tracking import TrackingTargets, tr
 from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
 from optimization.multibody.kinematics import Kinematics
 from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
@@ -91,9 +92,9 @@ class StateFit:
         """(nq,) the nominal posture with the heading and place of q."""
         w, x, y, z = q[:4]
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        nominal = self.robot.q_nominal.copy()
+        nominal = nominal_posture(self.robot).copy()
         c, s = np.cos(heading / 2), np.sin(heading / 2)
-        w, x, y, z = self.robot.q_nominal[:4]
+        w, x, y, z = nominal_posture(self.robot)[:4]
         nominal[:4] = c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
         nominal[4:7] = q[4:7]
         return nominal

@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from optimization.inverse_kinematics.drake_posture import PostureOptions, PostureSolver
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM
-from scenes.robots.plant import RobotPlant, build_plant
+from scenes.robots.plant import RobotPlant, build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 
 SAMPLES = 4000  # random joint angles per figure
@@ -58,7 +58,7 @@ def measure_reach(robot_plant: RobotPlant, *, seed: int = 0) -> ReachFigures:
 def _limb_root(robot_plant: RobotPlant, effector: int) -> tuple[np.ndarray, list[RevoluteJoint]]:
     """(3,) point nearest to the axes of the limb's first three joints, in T, and all joints of the limb."""
     plant, context = robot_plant.plant, robot_plant.plant.CreateDefaultContext()
-    plant.SetPositions(context, robot_plant.robot.q_nominal)
+    plant.SetPositions(context, nominal_posture(robot_plant.robot))
     trunk = {robot_plant.robot.base_body, robot_plant.robot.torso_body}
     joints: list[RevoluteJoint] = []
     body: RigidBody = robot_plant.effector_bodies[effector]
@@ -84,7 +84,7 @@ def _distances(
     plant = robot_plant.plant
     diagram_context = robot_plant.new_context()
     context = plant.GetMyContextFromRoot(diagram_context)
-    q = robot_plant.robot.q_nominal.copy()
+    q = nominal_posture(robot_plant.robot).copy()
     columns = [j.position_start() for j in joints]
     lower, upper = (limit[columns] for limit in (plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()))
     body = robot_plant.effector_bodies[effector]
@@ -113,7 +113,7 @@ def _best(cost: Callable[[np.ndarray], float], starts: np.ndarray, lower: np.nda
 
 def _com_heights(robot_plant: RobotPlant) -> tuple[float, float, float]:
     """Least, nominal and greatest CoM height with flat feet below it and no self-collision [m]."""
-    plant, q = robot_plant.plant, robot_plant.robot.q_nominal
+    plant, q = robot_plant.plant, nominal_posture(robot_plant.robot)
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, q)
     nominal = plant.CalcCenterOfMassPositionInWorld(context)[2]
@@ -122,7 +122,7 @@ def _com_heights(robot_plant: RobotPlant) -> tuple[float, float, float]:
 
 
 def _extreme_com_height(robot_plant: RobotPlant, sign: float) -> float:
-    plant, q = robot_plant.plant, robot_plant.robot.q_nominal
+    plant, q = robot_plant.plant, nominal_posture(robot_plant.robot)
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, q)
     feet = [plant.EvalBodyPoseInWorld(context, b).GetAsMatrix4() for b in robot_plant.effector_bodies[:2]]
@@ -161,7 +161,7 @@ def _com_reach(robot_plant: RobotPlant, effector: int, joints: list[RevoluteJoin
     """Greatest distance of the CoM from a patch while the other limbs stand in the nominal posture [m]."""
     plant = robot_plant.plant
     context = plant.CreateDefaultContext()
-    q = robot_plant.robot.q_nominal.copy()
+    q = nominal_posture(robot_plant.robot).copy()
     columns = [j.position_start() for j in joints]
     lower, upper = (limit[columns] for limit in (plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()))
     body = robot_plant.effector_bodies[effector]
@@ -179,7 +179,7 @@ def _com_reach(robot_plant: RobotPlant, effector: int, joints: list[RevoluteJoin
 
 def _least_separation(robot_plant: RobotPlant) -> float:
     """Least lateral distance of parallel flat feet, side by side, without self-collision [m]."""
-    q = robot_plant.robot.q_nominal
+    q = nominal_posture(robot_plant.robot)
     solver = PostureSolver(robot_plant, PostureOptions(min_distance=0.002))
     wide = 2 * robot_plant.robot.hip[1]
     for separation in np.arange(0.08, wide, 0.01):

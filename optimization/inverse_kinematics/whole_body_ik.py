@@ -35,7 +35,7 @@ from optimization.inverse_kinematics.stance_task import (
 from optimization.multibody.body_capsules import read_capsules
 from optimization.multibody.kinematic_tree import KinematicTree, integrate
 from optimization.multibody.kinematics import Kinematics
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import Robot
 
 __all__ = ["IkAnswer", "IkOptions", "Shortfall", "StanceTask", "WholeBodyIK", "WholeBodyModel", "solve_stance"]
@@ -189,7 +189,7 @@ class WholeBodyIK:
         self.robot = robot
         self.options = IkOptions() if options is None else options
         self.kinematics = Kinematics.from_plant(built.plant, [e.frame for e in robot.effectors])
-        q_nominal = np.array(robot.q_nominal)
+        q_nominal = np.array(nominal_posture(robot))
         capsules = read_capsules(self.kinematics, built.plant, built.scene_graph, q_nominal, clearance)
         self.model = WholeBodyModel(
             self.kinematics.tree, capsules, q_nominal, np.array(robot.hip), 0.98 * robot.leg_reach[1]

@@ -133,6 +133,14 @@ def build_plant(
 
 
 @lru_cache(maxsize=8)
+def nominal_posture(robot: Robot) -> np.ndarray:
+    """(nq,) standing: soles at z = 0, mean of the feet at the origin, heading along x. Loads the model once."""
+    q = build_plant(robot).nominal_positions()
+    q.setflags(write=False)
+    return q
+
+
+@lru_cache(maxsize=8)
 def _robot_alone(robot: Robot) -> RobotPlant:
     return _build(robot, None, None, None)
 

@@ -101,15 +101,6 @@ class Robot:
         """(4, 2) half length and half width of each patch [m], in the order of `EFFECTORS`."""
         return np.array([e.half_extent for e in self.effectors])
 
-    @cached_property
-    def q_nominal(self) -> np.ndarray:
-        """(nq,) standing: soles at z = 0, mean of the feet at the origin, heading along x. Loads the model once."""
-        from scenes.robots.plant import build_plant
-
-        q = build_plant(self).nominal_positions()
-        q.setflags(write=False)
-        return q
-
 
 def robot_names() -> list[str]:
     """Names of the robots that come with drakeplan."""

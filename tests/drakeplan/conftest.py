@@ -24,7 +24,7 @@ from scenes.contact import Contact, contact_pose
 from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT, RIGHT_PALM
 from scenes.files.scene_file import scene_to_yaml
 from scenes.library.rubble_corridor import named as rubble_corridor
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import Robot, load_robot
 from scenes.stance import Stance
 from scenes.terrain.terrain import Box
@@ -125,7 +125,7 @@ def _com(stances: list[Stance], instant: float) -> np.ndarray:
 def _motion(robot, stances: list[Stance], duration: float) -> PlanMotion:
     plant = build_plant(robot).plant
     t = np.arange(round(duration / FRAME) + 1) * FRAME
-    q = np.tile(robot.q_nominal, (len(t), 1))
+    q = np.tile(nominal_posture(robot), (len(t), 1))
     standing = _com(stances, 0.0) * [1, 1, 0] + [0.0, 0.0, 0.93]
     q[:, 4:7] += np.array([_com(stances, instant) for instant in t]) - standing
     names = tuple(plant.GetPositionNames())
@@ -191,7 +191,7 @@ def make_stepping_plan() -> Plan:
             carried[phase, mover] = -1
     knots, frames = (np.arange(round(ENDS[-1] / step) + 1) * step for step in (KNOT, FRAME))
     context = plant.CreateDefaultContext()
-    plant.SetPositions(context, robot.q_nominal)
+    plant.SetPositions(context, nominal_posture(robot))
     height = plant.CalcCenterOfMassPositionInWorld(context)[2] - 0.02
     centroidal = _statics(robot, contacts, carried, knots, np.array([_course(t, height) for t in knots]))
     along = np.stack([np.interp(frames, knots, column) for column in centroidal.com.T], axis=1)
@@ -308,7 +308,7 @@ def _whole_body(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(T, nq) positions and (T, nv) velocities that hold the contacts, swing what moves and follow the CoM (T, 3)."""
     context = plant.CreateDefaultContext()
-    q = np.array(robot.q_nominal)
+    q = np.array(nominal_posture(robot))
     rows, left = [], {}  # where each moving end effector was when its phase began
     for t, p_com in zip(frames, com, strict=True):
         phase = _phase_at(t)
@@ -362,7 +362,7 @@ def _reach(
         step = inverse @ error
         if not attempt:
             home = np.zeros(plant.num_velocities())
-            home[:3], home[6:] = -2 * q[1:4], robot.q_nominal[7:] - q[7:]
+            home[:3], home[6:] = -2 * q[1:4], nominal_posture(robot)[7:] - q[7:]
             step += 0.02 * (home - inverse @ (J @ home))
         step *= min(1.0, 0.2 / max(np.abs(step).max(), 1e-9))
         q = q + plant.MapVelocityToQDot(context, step)

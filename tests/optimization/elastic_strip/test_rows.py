@@ -16,6 +16,7 @@ from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_heading, contact_pose
 from scenes.library.plates import rectangle, tilted_plate
 from scenes.pose import rpy_rotation
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import load_robot
 from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.terrain import terrain_from
@@ -102,7 +103,7 @@ def rows_at(ik: WholeBodyIK, q: np.ndarray, air: np.ndarray) -> StripRows:
 @pytest.mark.parametrize("seed", range(4))
 def test_every_derivative_is_that_of_central_differences(seed: int) -> None:
     ik, rng = WholeBodyIK(ROBOT), np.random.default_rng(seed)
-    q = np.array(ROBOT.q_nominal)
+    q = np.array(nominal_posture(ROBOT))
     q[7:] += rng.uniform(-0.25, 0.25, len(q) - 7)
     air, h, nv = np.ones((1, 4), bool), 1e-6, len(q) - 1
     here = rows_at(ik, q[None], air)
@@ -124,7 +125,7 @@ def test_every_derivative_is_that_of_central_differences(seed: int) -> None:
 
 def test_a_foot_on_the_ground_is_looked_at_only_when_it_should_be_in_the_air() -> None:
     ik = WholeBodyIK(ROBOT)
-    q = np.array(ROBOT.q_nominal)[None]
+    q = np.array(nominal_posture(ROBOT))[None]
     held, lifted = (rows_at(ik, q, np.full((1, 4), air)) for air in (False, True))
     assert lifted.count[0] > held.count[0]
 

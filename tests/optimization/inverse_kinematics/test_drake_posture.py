@@ -5,7 +5,7 @@ import pytest
 
 from optimization.inverse_kinematics.drake_posture import PostureOptions, PostureSolver, half_planes, solve_posture
 from scenes.effector import EFFECTORS
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain
@@ -80,7 +80,7 @@ def test_random_stances_are_held_by_forward_kinematics(escher, palms):
     found = 0
     for _ in range(10):
         X_WE = random_stance(rng, palms)
-        answer = solver.solve(X_WE, SMALL, escher.q_nominal)
+        answer = solver.solve(X_WE, SMALL, nominal_posture(escher))
         if answer.ok:
             found += 1
             assert answer.violations == ()
@@ -90,21 +90,21 @@ def test_random_stances_are_held_by_forward_kinematics(escher, palms):
 
 def test_the_nominal_posture_is_its_own_answer(solver, escher):
     X_WE = [pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None]
-    answer = solver.solve(X_WE, SMALL, escher.q_nominal)
+    answer = solver.solve(X_WE, SMALL, nominal_posture(escher))
     assert answer.ok
-    np.testing.assert_allclose(answer.q, escher.q_nominal, atol=1e-3)
+    np.testing.assert_allclose(answer.q, nominal_posture(escher), atol=1e-3)
 
 
 def test_on_one_foot_the_centre_of_mass_goes_over_it(solver, escher):
     X_WE = [pose([0, 0.1, 0]), pose([0, -0.1, 0.15]), None, None]
     region = np.array([[-0.08, 0.07], [0.08, 0.07], [0.08, 0.13], [-0.08, 0.13]])
-    answer = solver.solve(X_WE, region, escher.q_nominal)
+    answer = solver.solve(X_WE, region, nominal_posture(escher))
     assert answer.ok
     check_by_kinematics(solver, answer, X_WE, region)
 
 
 def test_a_contact_out_of_reach_is_named(solver, escher):
-    answer = solver.solve([pose([0, 0.1, 0]), pose([1.9, -0.1, 0]), None, None], None, escher.q_nominal)
+    answer = solver.solve([pose([0, 0.1, 0]), pose([1.9, -0.1, 0]), None, None], None, nominal_posture(escher))
     assert not answer.ok
     assert any("foot position" in v.name for v in answer.violations)
     assert all(v.value > v.limit for v in answer.violations)
@@ -112,7 +112,7 @@ def test_a_contact_out_of_reach_is_named(solver, escher):
 
 def test_a_balance_region_out_of_reach_is_named(solver, escher):
     answer = solver.solve(
-        [pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None], SMALL + np.array([1.0, 0.0]), escher.q_nominal
+        [pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None], SMALL + np.array([1.0, 0.0]), nominal_posture(escher)
     )
     assert not answer.ok
     assert answer.violations
@@ -122,23 +122,23 @@ def test_the_robot_ducks_under_a_beam_where_its_head_was(escher):
     beam = Box("beam", np.array([0.3, 2.0, 0.2]), pose([0.0, 0.0, 1.62]))
     under = PostureSolver(build_plant(escher, Terrain((GROUND,), (beam,))))
     X_WE = [pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None]
-    assert any("beam" in v.name for v in under.violations(escher.q_nominal, X_WE, None))
-    answer = under.solve(X_WE, SMALL, escher.q_nominal)
+    assert any("beam" in v.name for v in under.violations(nominal_posture(escher), X_WE, None))
+    answer = under.solve(X_WE, SMALL, nominal_posture(escher))
     assert answer.ok
     check_by_kinematics(under, answer, X_WE, SMALL)
 
 
 def test_a_posture_inside_the_wall_is_no_posture(solver, escher):
     X_WE = [pose([0, 0.5, 0]), pose([0, 0.3, 0]), None, None]
-    q = escher.q_nominal.copy()
+    q = nominal_posture(escher).copy()
     q[5] += 0.4
     assert any("wall" in v.name for v in solver.violations(q, X_WE, None))
 
 
 def test_held_soles_may_touch_their_ground_and_free_ones_may_not(solver, escher):
     feet = [pose([0, 0.1, 0]), pose([0, -0.1, 0])]
-    assert solver.violations(escher.q_nominal, [*feet, None, None], None) == ()
-    named = [v.name for v in solver.violations(escher.q_nominal, [feet[0], None, None, None], None)]
+    assert solver.violations(nominal_posture(escher), [*feet, None, None], None) == ()
+    named = [v.name for v in solver.violations(nominal_posture(escher), [feet[0], None, None, None], None)]
     assert named
     assert all("right_foot" in n and "ground" in n for n in named)
 
@@ -146,13 +146,13 @@ def test_held_soles_may_touch_their_ground_and_free_ones_may_not(solver, escher)
 def test_a_frame_turned_by_half_a_turn_is_no_answer(solver, escher):
     # The six rows of a contact are kept by a frame with x and z reversed as well.
     X_WE = [pose([0, 0.1, 0]), pose([0, -0.1, 0], x=(-1, 0, 0)), None, None]
-    assert not solver.solve(X_WE, None, escher.q_nominal).ok
+    assert not solver.solve(X_WE, None, nominal_posture(escher)).ok
 
 
 def test_an_answer_starts_the_next_search_well(solver, escher):
     rng = np.random.default_rng(5)
     X_WE = random_stance(rng, 1)
-    first = solver.solve(X_WE, SMALL, escher.q_nominal)
+    first = solver.solve(X_WE, SMALL, nominal_posture(escher))
     again = solver.solve(X_WE, SMALL, first.q)
     assert first.ok
     assert again.ok
@@ -162,7 +162,7 @@ def test_an_answer_starts_the_next_search_well(solver, escher):
 def test_clearance_is_kept_where_it_is_asked_for(escher):
     built = build_plant(escher, Terrain((GROUND, WALL)))
     X_WE = [pose([0, 0.22, 0]), pose([0, 0.02, 0]), None, None]
-    near = escher.q_nominal.copy()
+    near = nominal_posture(escher).copy()
     near[5] += 0.12  # the left elbow is at the wall
     wide = solve_posture(built, X_WE, None, near, PostureOptions(min_distance=0.04))
     assert wide.ok
@@ -192,7 +192,7 @@ def test_clearance_is_kept_where_it_is_asked_for(escher):
 def test_data_that_is_not_finite_never_reaches_the_solver(solver, escher, spoil):
     X_WE = [pose([0, 0.1, 0]), pose([0, -0.1, 0]), None, None]
     with pytest.raises(ValueError, match=r"finite|entries|polygon"):
-        solver.solve(*spoil(X_WE, SMALL, escher.q_nominal.copy()))
+        solver.solve(*spoil(X_WE, SMALL, nominal_posture(escher).copy()))
 
 
 def test_half_planes_measure_metres_outside_a_polygon():

@@ -11,7 +11,7 @@ from optimization.inverse_kinematics.frame_task import DistanceRows, TrackingTar
 from optimization.inverse_kinematics.posture_tracking import track_postures
 from optimization.multibody.kinematic_tree import integrate
 from optimization.multibody.kinematics import Kinematics
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 
 ROBOT = load_robot("escher")
@@ -24,7 +24,7 @@ COM_PULL = 2e-3  # [m] what the posture's weight takes from the CoM's, here 8 cm
 
 def targets(frames: int = 1, com_shift: tuple[float, float, float] = (0.0, 0.0, -0.05)) -> TrackingTargets:
     """Both feet held where the nominal posture has them, the CoM moved, everything else free."""
-    q = np.array(ROBOT.q_nominal)
+    q = np.array(nominal_posture(ROBOT))
     hold = np.tile([300.0, 300.0, 0.0, 0.0], (frames, 1))
     return TrackingTargets(
         X_WE=np.tile(KINEMATICS.effector_poses(q), (frames, 1, 1, 1)),
@@ -72,7 +72,7 @@ def test_feet_stay_and_the_com_goes_where_it_is_wanted():
 
 def test_nothing_moves_where_the_reference_already_does_what_is_wanted():
     wanted = targets(com_shift=(0.0, 0.0, 0.0))
-    assert np.allclose(solve(wanted), ROBOT.q_nominal, atol=1e-6)
+    assert np.allclose(solve(wanted), nominal_posture(ROBOT), atol=1e-6)
 
 
 def test_the_answer_is_a_minimum_of_the_cost():
@@ -93,7 +93,7 @@ def test_the_answer_does_not_depend_on_where_the_search_starts():
     rng = np.random.default_rng(0)
     first = solve(wanted)
     for _ in range(5):
-        start = np.array(ROBOT.q_nominal)
+        start = np.array(nominal_posture(ROBOT))
         start[7:] = np.clip(start[7:] + rng.uniform(-0.15, 0.15, NV - 6), TREE.lower, TREE.upper)
         assert np.allclose(solve(wanted, start), first, atol=1e-3)
 
@@ -117,9 +117,9 @@ def hand_over_plane(wanted: float) -> DistanceRows:
 
 def test_a_distance_moves_a_body_only_when_it_is_too_near():
     free = targets(com_shift=(0.0, 0.0, 0.0))
-    height = KINEMATICS.effector_poses(np.array(ROBOT.q_nominal))[2, 2, 3]
+    height = KINEMATICS.effector_poses(np.array(nominal_posture(ROBOT)))[2, 2, 3]
     enough = solve(replace(free, rows=hand_over_plane(height - 0.05)))
-    assert np.allclose(enough, ROBOT.q_nominal, atol=1e-6)
+    assert np.allclose(enough, nominal_posture(ROBOT), atol=1e-6)
     raised = solve(replace(free, rows=hand_over_plane(height + 0.10)))
     assert KINEMATICS.effector_poses(raised)[2, 2, 3] == pytest.approx(height + 0.10, abs=2e-3)
 

@@ -17,7 +17,7 @@ from optimization.kinodynamic.momentum_tracking import (
     track_momentum,
 )
 from optimization.multibody.kinematics import Kinematics
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 
 ROBOT = load_robot("escher")
@@ -25,7 +25,7 @@ PLANT = build_plant(ROBOT).plant
 KINEMATICS = Kinematics.from_plant(PLANT, [e.frame for e in ROBOT.effectors])
 TREE = KINEMATICS.tree
 NV = 6 + len(TREE.lower)
-Q = np.array(ROBOT.q_nominal)
+Q = np.array(nominal_posture(ROBOT))
 Q[7:] = np.clip(Q[7:], TREE.lower + 0.1, TREE.upper - 0.1)
 STEP = 0.05
 FRAMES = 12

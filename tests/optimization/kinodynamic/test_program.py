@@ -15,6 +15,7 @@ from optimization.kinodynamic.program import HOLD, KinodynamicOptions, Kinodynam
 from scenes.contact import Contact, contact_pose
 from scenes.effector import LEFT_FOOT, RIGHT_FOOT
 from scenes.input_error import InputError
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import load_robot
 from scenes.stance import Stance
 
@@ -23,7 +24,7 @@ DT = 0.1
 NEVER = MomentumGap(Gap(0.0, 0.0), Gap(0.0, 0.0), Gap(0.0, 0.0))
 OPTIONS = KinodynamicOptions(centroidal=CentroidalOptions(dt=DT))
 PROGRAM = KinodynamicProgram(ROBOT, OPTIONS)
-Q = np.array(ROBOT.q_nominal)
+Q = np.array(nominal_posture(ROBOT))
 
 
 def foot(name: str, x: float, y: float) -> Contact:

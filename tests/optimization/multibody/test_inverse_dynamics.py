@@ -16,7 +16,7 @@ from optimization.multibody.inverse_dynamics import effort_limits, inverse_dynam
 from optimization.multibody.kinematics import Kinematics
 from scenes.contact import Contact, contact_pose
 from scenes.gravity import GRAVITY
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 
 ROBOTS = ("escher", "jvrc1")
@@ -30,7 +30,7 @@ def loaded(name: str):
 
 def moving(robot, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    q = np.array(robot.q_nominal)
+    q = np.array(nominal_posture(robot))
     q[:4] = rng.normal(size=4)
     q[:4] /= np.linalg.norm(q[:4])
     q[4:7] = rng.normal(size=3)
@@ -91,7 +91,7 @@ def test_effort_limits_are_in_the_order_of_velocities(name: str):
 def test_rows_in_the_program_say_what_the_torques_are():
     """bias - rows w = torque, for any wrenches w, in the program's units and contact frames."""
     robot, plant, kinematics = loaded("escher")
-    q0 = np.array(robot.q_nominal)
+    q0 = np.array(nominal_posture(robot))
     poses = kinematics.effector_poses(q0)
     tilt = RotationMatrix.MakeXRotation(0.2).matrix()
     feet = [Contact(n, 0, contact_pose(n, poses[e, :3, 3], tilt[:, 2], 0.3), 0.6) for e, n in

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from scenes.input_error import InputError
 from scenes.robots.adapter import adapted_model, touching_pairs
 from scenes.robots.meshes import HULL_ERROR, HULL_VERTICES, hull_obj
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 from scenes.robots.schema import PackageEntry
 
@@ -261,7 +261,7 @@ def test_processes_that_adapt_at_once_agree(jvrc1, tmp_path):
 def test_jvrc1_stands_on_its_soles_and_balances(jvrc1):
     context = jvrc1.new_context()
     plant_context = jvrc1.plant.GetMyContextFromRoot(context)
-    jvrc1.plant.SetPositions(plant_context, jvrc1.robot.q_nominal)
+    jvrc1.plant.SetPositions(plant_context, nominal_posture(jvrc1.robot))
     for foot, side in zip(jvrc1.effector_bodies[:2], (1, -1), strict=True):
         X_WF = foot.EvalPoseInWorld(plant_context)
         np.testing.assert_allclose(X_WF.rotation().matrix(), np.eye(3), atol=1e-6)
@@ -275,7 +275,7 @@ def test_jvrc1_stands_on_its_soles_and_balances(jvrc1):
 def test_jvrc1_has_its_limits_and_motors(jvrc1):
     assert jvrc1.plant.num_actuators() == jvrc1.plant.num_velocities() - 6 == 29
     assert np.isfinite(jvrc1.plant.GetVelocityUpperLimits()[6:]).all()
-    q = jvrc1.robot.q_nominal
+    q = nominal_posture(jvrc1.robot)
     assert (q >= jvrc1.plant.GetPositionLowerLimits()).all()
     assert (q <= jvrc1.plant.GetPositionUpperLimits()).all()
 
@@ -297,7 +297,7 @@ def test_jvrc1_does_not_touch_itself_standing_or_crouching(jvrc1):
     context = jvrc1.new_context()
     plant_context = jvrc1.plant.GetMyContextFromRoot(context)
     for bend in (0.0, 0.3, 0.6):
-        jvrc1.plant.SetPositions(plant_context, jvrc1.robot.q_nominal)
+        jvrc1.plant.SetPositions(plant_context, nominal_posture(jvrc1.robot))
         for side in "LR":
             for joint, share in (("HIP_P", -1.0), ("KNEE", 2.0), ("ANKLE_P", -1.0)):
                 angle = jvrc1.plant.GetJointByName(f"{side}_{joint}")
@@ -309,7 +309,7 @@ def test_jvrc1_does_not_touch_itself_standing_or_crouching(jvrc1):
 def test_legs_of_jvrc1_that_cross_are_a_collision(jvrc1):
     context = jvrc1.new_context()
     plant_context = jvrc1.plant.GetMyContextFromRoot(context)
-    jvrc1.plant.SetPositions(plant_context, jvrc1.robot.q_nominal)
+    jvrc1.plant.SetPositions(plant_context, nominal_posture(jvrc1.robot))
     jvrc1.plant.GetJointByName("L_HIP_R").set_angle(plant_context, -0.3)
     scene = jvrc1.plant.get_geometry_query_input_port().Eval(plant_context)
     assert scene.ComputeSignedDistancePairwiseClosestPoints(0.0)
@@ -319,7 +319,7 @@ def test_legs_of_jvrc1_that_cross_are_a_collision(jvrc1):
 def test_patches_of_jvrc1_lie_on_its_body(jvrc1, effector):
     context = jvrc1.new_context()
     plant_context = jvrc1.plant.GetMyContextFromRoot(context)
-    jvrc1.plant.SetPositions(plant_context, jvrc1.robot.q_nominal)
+    jvrc1.plant.SetPositions(plant_context, nominal_posture(jvrc1.robot))
     X_WE = jvrc1.effector_bodies[effector].EvalPoseInWorld(plant_context)
     hx, hy = jvrc1.robot.half_extents[effector]
     scene = jvrc1.plant.get_geometry_query_input_port().Eval(plant_context)

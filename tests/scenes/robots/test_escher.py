@@ -7,7 +7,7 @@ import pytest
 from pydrake.multibody.tree import RevoluteJoint
 
 from scenes.effector import EFFECTORS
-from scenes.robots.plant import build_plant
+from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import ROBOTS, load_robot
 
 ATOL = 1e-12  # rounding of forward kinematics
@@ -45,7 +45,7 @@ def test_it_weighs_76_kg_and_the_description_says_so(escher):
 
 
 def test_it_is_1_7_m_tall_when_it_stands_straight(escher):
-    q = escher.robot.q_nominal.copy()
+    q = nominal_posture(escher.robot).copy()
     q[7:] = 0.0
     straight = poses(escher, q)
     top_of_head = straight["head"][2, 3] + 0.195
@@ -60,7 +60,7 @@ def test_every_inertia_is_one_that_a_body_can_have(escher):
 
 
 def test_soles_stand_level_at_the_origin_with_toes_forward(escher):
-    nominal = poses(escher, escher.robot.q_nominal)
+    nominal = poses(escher, nominal_posture(escher.robot))
     for foot, side in (("left_foot", 1.0), ("right_foot", -1.0)):
         np.testing.assert_allclose(nominal[foot][:3, :3], np.eye(3), atol=ATOL)
         np.testing.assert_allclose(nominal[foot][:3, 3], [0.0, side * 0.10, 0.0], atol=ATOL)
@@ -70,7 +70,7 @@ def test_soles_stand_level_at_the_origin_with_toes_forward(escher):
 def test_an_arm_stretched_forward_pushes_with_fingers_up(escher):
     # The wall ahead has the outward normal -x; a palm on it has z along that normal and its fingers up.
     context = escher.plant.CreateDefaultContext()
-    escher.plant.SetPositions(context, escher.robot.q_nominal)
+    escher.plant.SetPositions(context, nominal_posture(escher.robot))
     for side in ("left", "right"):
         angles = {"shoulder_pitch": -np.pi / 2, "shoulder_roll": 0.0, "elbow": 0.0}
         for joint, angle in angles.items():
@@ -82,7 +82,7 @@ def test_an_arm_stretched_forward_pushes_with_fingers_up(escher):
 
 def test_the_centre_of_mass_stands_over_the_middle_of_the_feet(escher):
     context = escher.plant.CreateDefaultContext()
-    escher.plant.SetPositions(context, escher.robot.q_nominal)
+    escher.plant.SetPositions(context, nominal_posture(escher.robot))
     com = escher.plant.CalcCenterOfMassPositionInWorld(context)
     np.testing.assert_allclose(com[:2], [0.0, 0.0], atol=0.01)
     assert com[2] == pytest.approx(escher.robot.com_height[1], abs=2e-3)
@@ -90,7 +90,7 @@ def test_the_centre_of_mass_stands_over_the_middle_of_the_feet(escher):
 
 def test_right_is_the_mirror_image_of_left(escher):
     plant, rng = escher.plant, np.random.default_rng(3)
-    q = escher.robot.q_nominal.copy()
+    q = nominal_posture(escher.robot).copy()
     mirrored = q.copy()
     for joint in map(plant.get_joint, plant.GetJointIndices()):
         if not isinstance(joint, RevoluteJoint):
@@ -123,7 +123,7 @@ def test_mirrored_bodies_weigh_and_turn_alike(escher):
 
 
 def test_the_nominal_posture_keeps_its_limits_and_touches_nothing(escher):
-    q = escher.robot.q_nominal
+    q = nominal_posture(escher.robot)
     assert (q >= escher.plant.GetPositionLowerLimits()).all()
     assert (q <= escher.plant.GetPositionUpperLimits()).all()
     context = escher.new_context()
@@ -137,7 +137,7 @@ def test_arms_across_the_chest_are_a_collision(escher):
     # The filters leave out neighbours only: a collision that is real still counts.
     context = escher.new_context()
     plant_context = escher.plant.GetMyContextFromRoot(context)
-    escher.plant.SetPositions(plant_context, escher.robot.q_nominal)
+    escher.plant.SetPositions(plant_context, nominal_posture(escher.robot))
     for joint, angle in {"shoulder_pitch": -0.6, "shoulder_yaw": -1.6, "elbow": -2.0}.items():
         escher.plant.GetJointByName(f"left_{joint}").set_angle(plant_context, angle)
     scene = escher.plant.get_geometry_query_input_port().Eval(plant_context)
@@ -167,13 +167,13 @@ def test_collision_shapes_of_soles_and_palms_end_at_their_patches(escher):
 
 
 def test_shoulder_and_hip_are_where_the_model_has_them(escher):
-    nominal = poses(escher, escher.robot.q_nominal)
+    nominal = poses(escher, nominal_posture(escher.robot))
     np.testing.assert_allclose(nominal["left_shoulder_pitch_link"][:3, 3], escher.robot.shoulder, atol=1e-3)
     np.testing.assert_allclose(nominal["left_hip_yaw_link"][:3, 3], escher.robot.hip, atol=1e-3)
 
 
 def test_the_torso_box_covers_the_trunk(escher):
-    nominal = poses(escher, escher.robot.q_nominal)
+    nominal = poses(escher, nominal_posture(escher.robot))
     low = escher.robot.torso_box_centre - escher.robot.torso_box_size / 2
     high = escher.robot.torso_box_centre + escher.robot.torso_box_size / 2
     for body in ("pelvis", "torso", "head", "left_upper_arm", "right_upper_arm"):

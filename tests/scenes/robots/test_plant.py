@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from scenes.robots.plant import NEAR, THICKNESS, build_plant, prism
+from scenes.robots.plant import NEAR, THICKNESS, build_plant, nominal_posture, prism
 from scenes.robots.robot import load_robot
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain, TriangleMesh
@@ -26,7 +26,7 @@ def foot_distances(built, X_WF):
     """Terrain piece -> distance of the left foot, when the left sole's frame is put at X_WF [m]."""
     context = built.new_context()
     plant, plant_context = built.plant, built.plant.GetMyContextFromRoot(context)
-    plant.SetPositions(plant_context, built.robot.q_nominal)
+    plant.SetPositions(plant_context, nominal_posture(built.robot))
     base = plant.GetBodyByName("pelvis")
     X_FB = built.effector_bodies[0].EvalPoseInWorld(plant_context).inverse() @ base.EvalPoseInWorld(plant_context)
     plant.SetFreeBodyPose(plant_context, base, X_WF @ X_FB)

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from scenes.input_error import InputError
+from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import ROBOTS, load_robot, robot_names
 
 
@@ -37,7 +38,7 @@ def test_a_robot_file_by_path_describes_the_same_robot(robot_file):
     mine, escher = load_robot(robot_file({"name": "mine"})), load_robot("escher")
     assert mine.name == "mine"
     assert mine.model == escher.model
-    np.testing.assert_array_equal(mine.q_nominal, escher.q_nominal)
+    np.testing.assert_array_equal(nominal_posture(mine), nominal_posture(escher))
 
 
 def test_the_hash_is_that_of_the_model_file():
@@ -57,7 +58,7 @@ def test_an_unknown_robot_comes_with_the_nearest_name():
 
 def test_arrays_of_a_robot_cannot_be_written():
     robot = load_robot("escher")
-    for array in (robot.shoulder, robot.q_nominal, robot.force_limit):
+    for array in (robot.shoulder, nominal_posture(robot), robot.force_limit):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
 
