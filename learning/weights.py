@@ -6,10 +6,8 @@ together is refused in one line; nothing in either file is ever executed.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 
 FORMAT, FORMAT_VERSION = "drakeplan-surrogate", 1
@@ -33,7 +32,7 @@ class NoWeightsError(WeightsError):
 
 
 def write_weights(folder: Path, name: str, tensors: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> Path:
-    """Writes `<name>.safetensors` and `<name>.json`, each to a temporary file first; the same arrays give the same bytes.
+    """Writes `<name>.safetensors` and `<name>.json`, each whole or not at all; the same arrays give the same bytes.
 
     Args:
         folder: is made where it is missing.
@@ -43,6 +42,9 @@ def write_weights(folder: Path, name: str, tensors: Mapping[str, np.ndarray], ca
 
     Returns:
         The path of the weights.
+
+    Raises:
+        InputError: a file cannot be written.
     """
     arrays = {key: np.ascontiguousarray(tensors[key], np.float32) for key in sorted(tensors)}
     data = save(arrays)
@@ -51,8 +53,8 @@ def write_weights(folder: Path, name: str, tensors: Mapping[str, np.ndarray], ca
     facts |= {"sha256": hashlib.sha256(data).hexdigest(), "shapes": shapes}
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.safetensors"
-    replace_file(path, data)
-    replace_file(folder / f"{name}.json", (json.dumps(facts, indent=1, allow_nan=False) + "\n").encode())
+    write_whole(path, data)
+    write_whole(folder / f"{name}.json", (json.dumps(facts, indent=1, allow_nan=False) + "\n").encode())
     return path
 
 
@@ -85,21 +87,6 @@ def read_weights(folder: Path, name: str) -> tuple[dict[str, np.ndarray], dict[s
         if array.dtype != np.float32 or not np.isfinite(array).all():
             raise WeightsError(f"{path}: {key} must hold finite float32 numbers")
     return tensors, card
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Writes a file so that it is there whole or not at all, also after a power cut."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with temporary.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise
 
 
 def _read_card(path: Path) -> dict[str, Any]:

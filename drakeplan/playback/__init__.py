@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
-import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,6 +19,7 @@ from drakeplan.playback.page import finished_page, finished_scene_page
 from drakeplan.playback.still import draw_scene, draw_still, light_and_look
 from drakeplan.playback.view import View, choose_view
 from scenes.files.scene_file import scene_from_yaml
+from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
@@ -96,7 +95,7 @@ def write_scene_page(scene: Scene, path: str | Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    _write_whole(scene_page_html(scene), Path(path))
+    write_whole(path, scene_page_html(scene).encode())
 
 
 def write_page(plan: Plan, path: str | Path, robot: Robot | None = None) -> None:
@@ -105,18 +104,7 @@ def write_page(plan: Plan, path: str | Path, robot: Robot | None = None) -> None
     Raises:
         InputError: as `show_plan`, or the file cannot be written.
     """
-    _write_whole(page_html(plan, robot), Path(path))
-
-
-def _write_whole(text: str, path: Path) -> None:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, page_html(plan, robot).encode())
 
 
 def open_meshcat(port: int | None = None) -> Meshcat:

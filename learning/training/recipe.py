@@ -24,7 +24,8 @@ from learning.training.lesson import Lesson, lessons
 from learning.training.options import TrainingOptions
 from learning.training.teacher import Taught, teach
 from learning.transition_features import NUM_CATEGORIES
-from learning.weights import replace_file, write_weights
+from learning.weights import write_weights
+from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 
@@ -100,7 +101,7 @@ def train_dynamics(
     card |= {"measured": report.facts()}
     write_weights(out, NAME, surrogate.tensors(), card)
     _write_curves(out / CURVES, taught)
-    replace_file(out / REPORT, (json.dumps(report.facts(), indent=1) + "\n").encode())
+    write_whole(out / REPORT, (json.dumps(report.facts(), indent=1) + "\n").encode())
     return Trained(out / f"{NAME}.safetensors", surrogate, report)
 
 
@@ -197,4 +198,4 @@ def _write_curves(path: Path, taught: dict[str, Taught]) -> None:
     writer.writerow(["network", "epoch", "training_loss", "validation_loss"])
     for name, one in taught.items():
         writer.writerows([name, k, *map(repr, losses)] for k, losses in enumerate(one.curve, start=1))
-    replace_file(path, text.getvalue().encode())
+    write_whole(path, text.getvalue().encode())

@@ -17,7 +17,7 @@ from safetensors.numpy import save
 from learning.network import Mlp
 from learning.training.lesson import Lesson, fold_scaling
 from learning.training.options import TrainingOptions
-from learning.weights import replace_file
+from scenes.files.whole_file import write_whole
 
 Tell = Callable[[str, int, float, float], None]  # network, epoch, training loss, validation loss
 _HUBER = 0.1  # in standard deviations of the output: beyond it errors count linearly, as they are reported
@@ -173,7 +173,7 @@ def _keep(path: Path, fingerprint: str, net: _Net, optimiser: torch.optim.AdamW,
             tensors[f"{k}.{name}"] = optimiser.state[parameter][name].numpy()
     path.parent.mkdir(parents=True, exist_ok=True)
     facts = {"fingerprint": fingerprint, "curve": json.dumps(curve)}
-    replace_file(path, save(tensors, metadata=facts))
+    write_whole(path, save(tensors, metadata=facts))
 
 
 def _take_up(path: Path, fingerprint: str, net: _Net, optimiser: torch.optim.AdamW) -> list[tuple[float, float]]:

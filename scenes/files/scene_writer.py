@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from scenes.disturbance import Disturbance
 from scenes.effector import EFFECTORS
 from scenes.files.scene_schema import FORMAT, VERSION
+from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 from scenes.meshes.mesh_import import MESH_PREFIX, ImportedMesh
 from scenes.meshes.mesh_path import PACKAGE_SCHEME
@@ -30,18 +30,7 @@ def write_scene(scene: Scene, path: str | Path) -> None:
         InputError: the file cannot be written, or `scene_to_yaml` cannot say the scene.
     """
     path = Path(path)
-    text = scene_to_yaml(scene, folder=path.parent)
-    temporary = None
-    try:
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
-            temporary = file.name
-            file.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    write_whole(path, scene_to_yaml(scene, folder=path.parent).encode())
 
 
 def scene_to_yaml(scene: Scene, *, meshes_as_surfaces: bool = False, folder: Path | None = None) -> str:
