@@ -1,4 +1,4 @@
-"""Benchmarks: every number that drakeplan reports of itself has a command here.
+"""Benchmarks: every performance figure that README.md and docs state has a command here.
 
 Each name is a module of this package with `run(options: BenchOptions)`, which returns a `BenchTable` or a tuple of them.
 """

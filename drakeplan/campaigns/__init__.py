@@ -1,1 +1,1 @@
-"""Label campaigns: rows of data made by many workers, the same rows whoever makes them and however often they are stopped."""
+"""Label campaigns: rows of training data from many processes; the rows depend on the seed alone, also after an interruption."""

@@ -1,1 +1,1 @@
-"""Who finds contacts, and what a contact transition must satisfy."""
+"""Planners of contact sequences, and what a contact transition must satisfy."""

@@ -1,1 +1,1 @@
-"""Plans that are used again: deformed to a terrain that has changed."""
+"""Old plans used again: deformed to terrain that has moved."""

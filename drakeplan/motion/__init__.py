@@ -1,1 +1,1 @@
-"""Contacts into momenta, forces and a whole-body motion."""
+"""From a contact sequence to momenta, forces and a whole-body motion."""

@@ -1,1 +1,1 @@
-"""The plan: what a planner hands over, and its file."""
+"""The plan: its data, its file, and its verification in memory."""

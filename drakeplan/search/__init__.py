@@ -1,1 +1,1 @@
-"""Searches that know no robots."""
+"""Search algorithms; nothing here knows a robot."""

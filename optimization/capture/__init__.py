@@ -1,1 +1,1 @@
-"""Whether a robot that was pushed can come to rest."""
+"""Capture: whether a robot that was pushed can come to rest."""

@@ -1,4 +1,4 @@
-"""A motion deformed until its contacts lie in given regions."""
+"""Elastic strip: a motion deformed until its contacts lie in given regions."""
 
 from optimization.elastic_strip.program import ElasticStrip
 

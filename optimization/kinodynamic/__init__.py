@@ -1,4 +1,4 @@
-"""Momenta and a whole-body motion that agree."""
+"""Kino-dynamics: momenta and a whole-body motion that agree."""
 
 from optimization.kinodynamic.program import KinodynamicOptions, KinodynamicProblem, KinodynamicProgram
 
