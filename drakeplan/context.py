@@ -21,7 +21,7 @@ class QueryContext:
 
     Attributes:
         scene: terrain, start and goal.
-        robot: who crosses.
+        robot: the robot that crosses the scene.
         ik: its inverse kinematics, with its kinematics and body capsules.
         cone: friction cone of the whole query.
     """

@@ -31,9 +31,11 @@ def public_functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
 
 def is_explained(function: ast.FunctionDef) -> bool:
     """Whether a docstring has a section of arguments that names every one of them."""
-    text = (ast.get_docstring(function) or "")
+    text = ast.get_docstring(function) or ""
     _, _, section = text.partition("Args:")
-    said = {word for line in section.splitlines() if ":" in line for word in line.split(":")[0].replace(",", " ").split()}
+    said = {
+        word for line in section.splitlines() if ":" in line for word in line.split(":")[0].replace(",", " ").split()
+    }
     return all(name in said for name in arguments(function))
 
 
@@ -55,7 +57,9 @@ def test_public_functions_of_two_or_more_arguments_say_what_each_is(package: str
 
 
 def test_a_function_that_leaves_an_argument_out_is_counted_as_such() -> None:
-    whole, part = ast.parse('def f(a, b):\n    """F.\n\n    Args:\n        a, b: numbers.\n    """\ndef g(a, b):\n    """a, b"""').body
+    whole, part = ast.parse(
+        'def f(a, b):\n    """F.\n\n    Args:\n        a, b: numbers.\n    """\ndef g(a, b):\n    """a, b"""'
+    ).body
     assert isinstance(whole, ast.FunctionDef) and isinstance(part, ast.FunctionDef)
     assert is_explained(whole) and not is_explained(part)
 

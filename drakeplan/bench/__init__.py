@@ -21,5 +21,5 @@ BENCHES = {
     "momentumopt": "the centroidal program against published solutions (--case FILE, or needs DRAKEPLAN_CASES)",
     "campaign": "label campaigns: labels per second on one worker and on two, and after a stop half way",
     "lin2019": "the experiments of Lin et al. 2019, mixed-integer baselines, ablation; pictures in out/",
-    "crossings": "gaps and slopes that nobody crosses standing still: planned, played, verified; strides; speeds",
+    "crossings": "gaps and slopes that need motion: planned, made into a motion, verified; strides; speeds",
 }

@@ -230,8 +230,8 @@ def _strides(robot: Robot, options: BenchOptions) -> BenchTable:
                "widest gap at rest m", "widest gap in double support m")  # fmt: skip
     notes = (
         f"[m] by Drake's inverse kinematics with collisions, both feet turned alike, to {RESOLUTION:g} m; a failure is no proof",
-        "who balances at every moment has the CoM over the foot behind until the other has landed, and over the foot ahead "
-        "before the one behind is lifted; the published 0.5 m (stride 0.72 m) is possible so, wider_gap is not",
+        "a robot that is balanced at every moment has its CoM over the rear foot until the front foot has landed, and over the "
+        "front foot before the rear foot is lifted; the published 0.5 m (stride 0.72 m) is possible in this way, wider_gap is not",
     )
     return BenchTable("crossings_strides", "How far legs span a gap", columns, tuple(rows), notes, bench="crossings")
 

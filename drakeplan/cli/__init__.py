@@ -1,4 +1,4 @@
-"""The command line: one file a subcommand, imported only when it is called.
+"""The command line: one file for each subcommand, imported when it is called.
 
 Exit status: 0 done, 1 a plan that does not verify, 2 bad input, 3 no plan, 70 a defect of the program, 130 aborted.
 """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 NAMES = "\n".join(f"  {name:<11}  {about}" for name, about in BENCHES.items())
 ABOUT = f"""Runs one benchmark or all of them.
 
-Every run is appended to a SQLite file; where there is a folder docs, its benchmarks.md gets the new table, also that of
+Every run is appended to a SQLite file. If there is a folder docs, its benchmarks.md gets the new table, also a table of
 fewer seeds: --page names another page.
 
 benchmarks:
@@ -39,15 +39,15 @@ class Arguments:
     """Words after `drakeplan bench`."""
 
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = ""
-    """which one (default: all of them)"""
+    """name of the benchmark (default: all)"""
     seeds: int = 50
-    """how many seeds, from 0; some benchmarks use fewer"""
+    """number of seeds, starting at 0; some benchmarks use fewer"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
-    """whose plans are measured"""
+    """robot name"""
     case: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
     """a published case, for momentumopt (default: from the folder that DRAKEPLAN_CASES names)"""
     database: Annotated[str, tyro.conf.arg(metavar="FILE")] = "out/bench.sqlite"
-    """where every run is kept"""
+    """SQLite file that stores every run"""
     page: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
     """Markdown page that gets the table (default: docs/benchmarks.md where there is a folder docs)"""
     json: bool = False

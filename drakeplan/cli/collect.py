@@ -22,8 +22,8 @@ CAMPAIGNS = {"dynamics": "what the centroidal program says of contact transition
 NAMES = "\n".join(f"  {name:<9}  {about}" for name, about in CAMPAIGNS.items())
 ABOUT = f"""Gathers training data for surrogates into a folder of Parquet shards.
 
-The same seed gives the same rows, whoever collects them. What is killed goes on with --resume, bit for bit as if it had
-never stopped. An environment gives up to 20 labels of each category of transitions, about 155 in all and some seconds of
+The same seed gives the same rows for any number of workers. A killed campaign continues with --resume; its files are
+the same bit for bit. An environment gives up to 20 labels of each transition category, about 155 in total, in some seconds of
 work; 1700 give 20 000 of each. A larger --count with --resume adds to what is there.
 
 campaigns:
@@ -42,7 +42,7 @@ class Arguments:
     campaign: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="CAMPAIGN")]
     """what to collect"""
     count: int = 0
-    """environments in all (required)"""
+    """total number of environments (required)"""
     out: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
     """folder for the data (required)"""
     workers: int = 2
@@ -52,13 +52,13 @@ class Arguments:
     seed: int = 0
     """of all random numbers"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
-    """whose transitions are judged"""
+    """robot name"""
     friction: Annotated[float, tyro.conf.arg(metavar="MU")] = 0.5
     """of every surface"""
     task_timeout: Annotated[float, tyro.conf.arg(metavar="S")] = 600.0
-    """an environment that takes longer is put in quarantine"""
+    """time limit of one environment [s]; an environment that exceeds it is set aside (quarantine)"""
     resume: bool = False
-    """go on with what is in the folder"""
+    """continue the campaign in the folder"""
     json: bool = False
     """one JSON object on standard output"""
 

@@ -37,9 +37,9 @@ examples:
   drakeplan plan rubble_field --dynamics quasi-static --html plan.html
   drakeplan plan stairs --planner footsteps
 
-Ctrl-C ends the search and keeps the best plan so far; a second one aborts.
+Ctrl-C ends the search and keeps the best plan so far; Ctrl-C again aborts.
 
-exit status: 0 the plan is complete and verified, 2 bad input, 3 no plan (the reason is said)"""
+exit status: 0 the plan is complete and verified, 2 bad input, 3 no complete plan (the reason is printed)"""
 
 DEFAULT_ROBOT = "escher"
 
@@ -54,53 +54,53 @@ def _planner_help() -> str:
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan plan`."""
+    """Arguments of `drakeplan plan`."""
 
     scene: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """a name, a scene file, hpp/MESH or a mesh file"""
     robot: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """who crosses (default: the scene's robot, else escher)"""
+    """robot name (default: the scene's robot, else escher)"""
     seed: int = 0
-    """of the scene and of every random choice"""
+    """random seed of the scene and of the planner"""
     start: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]", help_behavior_hint="")] = ()
-    """where to start: mean of the feet, heading (default: the scene's)"""
+    """start: mean of the feet and heading (default: the scene's)"""
     goal: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]", help_behavior_hint="")] = ()
-    """where to end; without YAW with any heading (default: the scene's)"""
+    """goal: mean of the feet and heading; without YAW any heading (default: the scene's)"""
     goal_radius: Annotated[float | None, tyro.conf.arg(metavar="R", help_behavior_hint="")] = None
-    """distance from the goal that counts as there (default: the scene's, else 0.2)"""
+    """greatest distance from the goal (default: the scene's, else 0.2)"""
     friction: Annotated[float | None, tyro.conf.arg(metavar="MU", help_behavior_hint="")] = None
     """replaces every friction coefficient in the scene"""
     cone: Literal["inner", "square", "second_order", "diamond"] = "inner"
-    """friction cone; diamond admits what real friction does not and is for comparison only"""
+    """friction cone; diamond is larger than real friction allows: for comparison only"""
     planner: Annotated[str, tyro.conf.arg(metavar=_planner_names(), help=_planner_help())] = "search"
     dynamics: Annotated[
         Literal["quasi-static", "exact", "learned"] | None,
         tyro.conf.arg(metavar="{quasi-static,exact,learned}", help_behavior_hint=""),
     ] = None
-    """what makes a transition possible: balance at rest, networks that learned the momentum program, or that program
-    (default: learned; quasi-static where nothing was learned)"""
+    """test of a transition: static balance, networks trained on the centroidal program, or the program itself
+    (default: learned; quasi-static where no network fits)"""
     shift: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
-    """seconds to shift the weight before every transition"""
+    """seconds to shift the centre of mass before each swing"""
     swing: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
     """seconds to move an end effector"""
     free_timing: bool = False
-    """then change these durations for less effort, in the same time altogether"""
+    """optimise these durations for less effort; the total time stays"""
     transition_model: Annotated[
         Literal["experiments", "training", "planning", "long_stride", "leap_stride"] | None,
         tyro.conf.arg(metavar="{experiments,training,planning,long_stride,leap_stride}", help_behavior_hint=""),
     ] = None
-    """foot steps to choose from; by default the scene's, else experiments"""
+    """list of foot steps (default: the scene's, else experiments)"""
     deadline: float = 30.0
-    """limit of the search; dynamics and motion follow"""
+    """time limit of the search [s]; dynamics and motion come after it"""
     improve: float = 1.0
-    """the search stops this long after its first plan"""
+    """time for improvement after the first plan [s]"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
-    """limit of expanded nodes; unlike times it makes runs repeatable"""
+    """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
     explain: bool = False
-    """where a contact sequence was found whose dynamics are infeasible, say what blocks them and what would be enough
+    """if the dynamics of a contact sequence are infeasible: print what blocks them, and which changes are enough
     to change (takes up to half a minute)"""
     keep_partial: bool = False
-    """write contacts too whose dynamics, motion or verification failed"""
+    """also write a contact sequence whose dynamics, motion or verification failed"""
     out: Annotated[str | None, tyro.conf.arg(metavar="PLAN.h5", help_behavior_hint="")] = None
     """write the plan"""
     html: Annotated[str | None, tyro.conf.arg(metavar="PAGE.html", help_behavior_hint="")] = None

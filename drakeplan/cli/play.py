@@ -33,7 +33,7 @@ class Arguments:
     port: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
     """serve on this port (default: the first free one from 7000)"""
     html: Annotated[str | None, tyro.conf.arg(metavar="PAGE.html")] = None
-    """write this page; does not serve unless --port is given too"""
+    """write this page and exit; with --port, also serve the plan"""
     json: bool = False
     """one JSON object on standard output"""
 

@@ -34,9 +34,9 @@ class Arguments:
     scene: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")] = ""
     """which scene to show or export"""
     file: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""
-    """where to export it to"""
+    """scene file to write"""
     seed: int = 0
-    """of the scenes that draw something"""
+    """seed of random scenes"""
     html: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
     """with show: a page with the terrain, the goal and the disturbances"""
     json: bool = False

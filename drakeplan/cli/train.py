@@ -18,10 +18,10 @@ from scenes.input_error import InputError, unknown_name
 if TYPE_CHECKING:
     from learning.training.recipe import Progress, Trained
 
-ABOUT = """Trains surrogates: stand-ins that answer in microseconds what a program answers in milliseconds.
+ABOUT = """Trains surrogates: networks that predict in microseconds what a program computes in milliseconds.
 
 SURROGATE is `dynamics`: feasibility, objective, final CoM and velocity of a contact transition (Lin et al. 2019).
-The data come from `drakeplan collect`. Scenes are held out whole; the table is of scenes that were not trained on.
+The data come from `drakeplan collect`. Whole scenes are held out; the table reports errors on scenes that were not used in training.
 
 A training that was killed goes on from its last epoch when the same command is given again, and the same data, options
 and seed give the same bytes on a CPU.
@@ -46,7 +46,7 @@ class Arguments:
     out: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
     """where weights, card, curves and report go"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
-    """whose dynamics the labels are"""
+    """robot of the labels"""
     kind: Literal["palms", "shared", "documented"] = "palms"
     """a network for each number of palms held, one for all (for few labels), or two for each category as documented"""
     width: int | None = None
@@ -58,11 +58,11 @@ class Arguments:
     members: int | None = None
     """networks whose answers are averaged, not for documented (default: 1; shared 2)"""
     recall: float = 0.95
-    """least share of feasible transitions that the threshold lets through"""
+    """lowest recall of feasible transitions at the threshold"""
     seed: int = 0
     """of the split, the initial weights and the order of the rows"""
     learning_curve: bool = False
-    """train on an eighth, a quarter, half and all of the scenes instead, and say what more labels would buy"""
+    """train on an eighth, a quarter, half and all of the scenes instead, and print the expected gain of more labels"""
     json: bool = False
     """one JSON object on standard output"""
 

@@ -30,7 +30,7 @@ from scenes.terrain.packed_terrain import PackedTerrain
 
 State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
-BLAMED_OUT = 2  # times that contacts near a place are blamed for a motion's failure before it is not used again
+BLAMED_OUT = 2  # failed motions after which a place is not used again
 SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths

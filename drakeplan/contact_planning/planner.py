@@ -30,7 +30,7 @@ class ContactPlanner(Protocol):
         ...
 
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
-        """Yields ever cheaper plans until a limit fires; a later call goes on with all that was learnt.
+        """Yields ever cheaper plans until a limit fires; a later call continues with all cached results.
 
         Args:
             limits: deadline [s], expansions and the like.

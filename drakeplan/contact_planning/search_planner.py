@@ -142,7 +142,7 @@ class SearchPlanner:
             yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed, com, effort)
 
     def forbid(self, plan: ContactPlan, transition: int) -> None:
-        """Bars a transition that failed a later, stricter check, so that the next search goes round it.
+        """Bars a transition that failed a later, stricter check, so that the next search avoids it.
 
         Args:
             plan: one that this planner gave.
@@ -174,7 +174,7 @@ class SearchPlanner:
     def why_not(self) -> str:
         """Why there is no plan, in one line."""
         if not np.isfinite(self.domain.heuristic([self._start_state[:5]])[0]):
-            return "goal unreachable on the grid: no way for the torso from start to goal over ground in reach"
+            return "goal unreachable: on the SE(2) grid no path of the torso box connects start and goal"
         search = self.search
         if search is None:
             return "not searched yet"

@@ -14,7 +14,7 @@ from optimization.inverse_kinematics.frame_task import LEVER
 from optimization.kinodynamic.momentum_tracking import motion_poses
 from optimization.multibody.kinematics import Kinematics, difference
 
-# The verifier's limits, a little tightened: it asks Drake, we ask our own kinematics.
+# Slightly tighter than the verifier's limits: the verifier uses Drake, this check uses our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
 JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits

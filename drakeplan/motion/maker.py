@@ -194,7 +194,7 @@ class MotionMaker:
         if failed:
             timings["dynamics_s"] += time.perf_counter() - began
             more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
-            reason = f"no posture for transition {', '.join(map(str, failed[:3]))}{more}"
+            reason = f"no posture found for transition {', '.join(map(str, failed[:3]))}{more}"
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
         dynamics = SequenceDynamics(self.robot, schedule, self.cone, self.options.dt)
         frames = MotionFrames(self.setting, schedule, keys, dynamics, com_course)

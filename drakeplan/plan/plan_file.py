@@ -327,7 +327,7 @@ def _dataset(file: h5py.File, name: str) -> h5py.Dataset:
     if not isinstance(dataset, h5py.Dataset):
         raise InputError(f"{name}: the dataset is missing")
     if dataset.size is None or dataset.nbytes > MAX_BYTES:
-        raise InputError(f"{name}: too large or empty of meaning")
+        raise InputError(f"{name}: too large, or the dataset is null")
     return dataset
 
 

@@ -16,7 +16,7 @@ from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 
-MOST_FRICTION = 10.0  # beyond this programs lose their digits, and nothing on earth holds like that
+MOST_FRICTION = 10.0  # above this the programs lose accuracy, and no real material has it
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class PlanOptions:
         dynamics: what every transition must satisfy: "quasi-static" balance, the centroidal program ("exact"), or what
             has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
             search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
-        timing: of every transition; its dynamics are learned for the documents' timing alone.
+        timing: of every transition; networks exist only for 1 s and 1 s (Lin 2020 sec. 6.7).
         heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
         deadline: limits the search alone.

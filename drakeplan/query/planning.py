@@ -62,7 +62,9 @@ def plan_scene(
         tell(ProgressEvent("load", note))
     result = _attempt(context, options, dynamics, record, tell)
     if _may_fall_back(options, dynamics) and result.status != "complete" and record.expansions:
-        record.notes.append(f"learned dynamics: {result.reason}; planned again with quasi-static dynamics")
+        record.notes.append(
+            f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
+        )
         tell(ProgressEvent("search", record.notes[-1]))
         second = _attempt(context, options, "quasi-static", record, tell)
         result = result if second.status == "none" else second
@@ -71,7 +73,7 @@ def plan_scene(
 
 def _load_kernels(context: QueryContext, tell: Progress) -> None:
     """Loads what is compiled, and says so where it has to be compiled first."""
-    note = ProgressEvent("load", "compiling, once on this machine: a minute or two")
+    note = ProgressEvent("load", "compiling kernels, once on this machine: one to two minutes")
     patience = threading.Timer(COMPILING, tell, [note])
     patience.daemon = True
     patience.start()
@@ -120,24 +122,24 @@ def _dynamics(context: QueryContext, options: PlanOptions, notes: list[str]) -> 
     if not why:
         return "learned"
     instead: DynamicsName = "exact" if options.dynamics == "learned" else "quasi-static"
-    notes.append(f"{why}: {instead} dynamics instead")
+    notes.append(f"{why}: {instead} dynamics are used instead")
     return instead
 
 
 def _not_learned(context: QueryContext, options: PlanOptions) -> str:
     """Why learned dynamics do not fit this query, "" if they do."""
     if not options.timing.documented:
-        return "dynamics are learned for transitions of 1 s and 1 s"
+        return "learned dynamics exist only for --shift 1 --swing 1"
     try:
         surrogate = load_surrogate(context.robot)
     except NoWeightsError as error:
         return str(error).split(":")[0]
     learned = surrogate.card.get("cone", DEFAULT_CONE)
     if context.cone != learned:
-        return f"dynamics are learned for the friction cone {str(learned)!r}"
+        return f"learned dynamics exist only for --cone {learned}"
     best = max((s.friction for s in context.scene.terrain.surfaces), default=surrogate.friction[0])
     if best < surrogate.friction[0] - FRICTION_TOLERANCE:  # else what is slippery is left to the exact program
-        return f"dynamics are learned for friction {surrogate.friction[0]:g} and above"
+        return f"learned dynamics exist only for friction {surrogate.friction[0]:g} and above"
     return ""
 
 

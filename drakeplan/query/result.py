@@ -23,7 +23,7 @@ class PlanResult:
         plan: None when there is none.
         report: numbers for people and programs, as JSON allows.
         verification: the verifier's report on the complete plan, else None.
-        notes: what was done otherwise than asked, one line each.
+        notes: where the query deviated from its options, one line each.
         refusal: the contact sequence that was refused last, and why; None where none was.
         explanation: why its dynamics are infeasible, where that was asked for and is so.
     """

@@ -89,7 +89,7 @@ def _difference(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _velocity_error(v: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """(T-1, nv) how far velocities (T, nv) are from the mean velocity over each frame (T-1, nv), by the kinder rule.
+    """(T-1, nv) how far velocities (T, nv) are from the mean velocity over each frame (T-1, nv), the smaller of two measures.
 
     Velocities sampled from a curve: the mean lies between those at its ends, but for the curvature. Velocities that are
     differences themselves: each is the mean of the differences beside it.

@@ -87,7 +87,7 @@ def scene_from_yaml(
         count = sum(surface.name.startswith(MESH_PREFIX) for surface in surfaces)
         if count:
             notes.append(
-                f"{count} surfaces called {MESH_PREFIX}... came from meshes that are not here: taken as plates"
+                f"{count} surfaces called {MESH_PREFIX}... come from mesh files that are not listed: used as plates of 2 cm"
             )
     imported = _meshes(entry.meshes, entry.friction, source, folder)
     if imported and not any(surface.allows("left_foot") for surface in surfaces):
@@ -100,7 +100,7 @@ def scene_from_yaml(
     _check_names([o.name for o in obstacles], "obstacles", source)
     _check_names([s.name for s in surfaces], "surfaces", source)
     if not surfaces:
-        raise InputError(f"{source}: surfaces: expected at least one, here or out of a mesh")
+        raise InputError(f"{source}: surfaces: expected at least one, listed here or from a mesh")
     terrain = Terrain(tuple(surfaces), tuple(obstacles), tuple(flags))
     goal = entry.goal and Goal(entry.goal.xyz, entry.goal.radius, entry.goal.yaw)
     return Scene(
@@ -142,10 +142,10 @@ def _surface(entry: SurfaceEntry, index: int, friction: float, source: str, note
             raise InputError(f"{source}: {where}.normal: expected [{n}] or its opposite, got {list(entry.normal)}")
         if along < 0:
             surface = surface.flipped()
-            notes.append(f"{where}: {name!r} was clockwise seen along its normal and is turned over")
+            notes.append(f"{where}: {name!r} is clockwise seen from the side of its normal; its order was reversed")
     if _is_upside_down(surface, given=entry.normal is not None):
         surface = surface.flipped()
-        notes.append(f"{where}: {name!r} faced down, where no foot can stand, and is turned over")
+        notes.append(f"{where}: {name!r} faced down; it was flipped so that feet can stand on it")
     return surface
 
 

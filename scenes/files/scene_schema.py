@@ -1,4 +1,4 @@
-"""The keys of a scene file, what each may hold, and one line for the first that does not."""
+"""The keys of a scene file, their types and limits, and a one-line error for the first violation."""
 
 from __future__ import annotations
 

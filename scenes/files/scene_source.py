@@ -39,7 +39,7 @@ def load_scene(source: str, *, seed: int = 0) -> Scene:
 
         return read_scene(path)
     if path.exists():
-        raise InputError(f"{source}: is not a plain file, expected a scene name, a scene file or a mesh file")
+        raise InputError(f"{source}: not a regular file; expected a scene name, a scene file or a mesh file")
     raise unknown_name("scene", source, [*NAMED_SCENES, *(HPP + name for name in hpp_meshes())])
 
 
@@ -61,6 +61,6 @@ def _scene_of_mesh(name: str, path: Path, reference: str) -> Scene:
     mesh = import_mesh(path, reference=reference)
     check_up_axis((mesh.obstacle,))
     if not any(surface.allows("left_foot") for surface in mesh.surfaces):
-        raise InputError(f"{path}: expected ground to stand on, no flat part of it faces up and is wide enough")
+        raise InputError(f"{path}: no surface to stand on: no flat region faces up and is wide enough")
     terrain = Terrain(mesh.surfaces, (mesh.obstacle,), (True,) * len(mesh.surfaces))
     return Scene(name, terrain, notes=mesh.notes)

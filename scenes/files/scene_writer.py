@@ -81,7 +81,7 @@ def _common_friction(scene: Scene, *, by_file: bool) -> float:
     if by_file and flagged:
         if len(set(flagged)) > 1:
             raise InputError(
-                f"scene {scene.name!r}: surfaces of a mesh differ in friction, which a scene file cannot say"
+                f"scene {scene.name!r}: surfaces of one mesh have different friction; a scene file holds one value for a mesh"
             )
         return flagged[0]
     return Counter(surface.friction for surface in scene.terrain.surfaces).most_common(1)[0][0]
@@ -106,7 +106,7 @@ def _surface_text(surface: Surface, of_mesh: bool, friction: float) -> str:
 
 def _mesh_text(mesh: TriangleMesh, folder: Path | None) -> str:
     if not isinstance(mesh, ImportedMesh):
-        raise InputError(f"mesh {mesh.name!r} came from no file: a scene file cannot hold it")
+        raise InputError(f"mesh {mesh.name!r} has no file, so a scene file cannot refer to it")
     file = mesh.reference
     if folder is not None and not file.startswith(PACKAGE_SCHEME):
         file = os.path.relpath(mesh.path, folder).replace(os.sep, "/")

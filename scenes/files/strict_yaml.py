@@ -1,4 +1,4 @@
-"""YAML from strangers: plain data only, no duplicate keys, no bombs, numbers as YAML 1.2 writes them.
+"""Reads untrusted YAML: plain data, no duplicate keys, limited expansion of aliases, numbers as in YAML 1.2.
 
 PyYAML's parser hands out events without recursion, and this file builds the data from them. Composing or constructing
 with PyYAML itself would keep the last of two equal keys, crash the interpreter on 100000 nested brackets, and read
@@ -118,7 +118,7 @@ class _Builder:
             self._add(done.value, event, anchor=done.anchor, nodes=self.nodes - done.nodes_before)
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
-                raise self._error(event, f"alias *{event.anchor} stands inside or before what it names")
+                raise self._error(event, f"alias *{event.anchor} refers to a node that contains it or comes later")
             value, nodes = self.anchors[event.anchor]
             self._count(nodes, event)
             self._add(value, event, anchor=None, nodes=nodes)

@@ -1,4 +1,4 @@
-"""Writes files that are whole or not there at all, whatever kills the writer."""
+"""Atomic writing: a file is complete or absent, also if the writer is killed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A gap that nobody crosses standing still: wider than balance over either foot allows, not wider than legs reach."""
+"""A gap that needs motion: wider than static balance over either foot allows, within reach of the legs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ GAP = 0.8  # [m]; balanced over either foot escher spans 0.68 m, whatever its he
 
 
 def named(seed: int = 0, gap: float = GAP) -> Scene:
-    """Level ground with a gap of 0.8 m, too wide for who balances at every moment (no draws).
+    """Level ground with a gap of 0.8 m, too wide to cross in static balance (not random).
 
     Args:
         seed: unused, nothing is drawn.

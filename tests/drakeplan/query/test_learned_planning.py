@@ -85,19 +85,19 @@ def test_without_the_exact_program_a_guess_stands(ik: WholeBodyIK) -> None:
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        (PlanOptions(timing=Timing(0.6, 0.8)), "1 s and 1 s"),
-        (PlanOptions(cone="square"), "friction cone 'inner'"),
+        (PlanOptions(timing=Timing(0.6, 0.8)), "--shift 1 --swing 1"),
+        (PlanOptions(cone="square"), "--cone inner"),
         (PlanOptions(friction=0.45), "friction 0.5 and above"),
     ],
 )
 def test_what_was_not_learned_is_asked_of_the_exact_program_and_that_is_said(options: PlanOptions, why: str) -> None:
     asked = dataclasses.replace(options, dynamics="learned", transition_model="training", expansions=3, improve=0.0)
     result = plan_scene(SHORT, ROBOT, asked)
-    assert any(why in note and "exact dynamics instead" in note for note in result.notes)
+    assert any(why in note and "exact dynamics are used instead" in note for note in result.notes)
     assert result.report["transitions_judged"]["exact"] > 0
     assert result.report["dynamics"] == "exact"
     usual = plan_scene(SHORT, ROBOT, dataclasses.replace(asked, dynamics=None))
-    assert any(why in note and "quasi-static dynamics instead" in note for note in usual.notes)
+    assert any(why in note and "quasi-static dynamics are used instead" in note for note in usual.notes)
     assert usual.report["dynamics"] == "quasi-static"
 
 

@@ -202,7 +202,9 @@ def test_without_its_triangles_a_mesh_surface_is_a_plate_and_that_is_said(meshed
     scene = read_scene(meshed / "meshed.yaml")
     again = scene_from_yaml(scene_to_yaml(scene, meshes_as_surfaces=True), "it")
     assert not any(again.terrain.surfaces_of_meshes)
-    assert again.notes == ("it: 10 surfaces called mesh:... came from meshes that are not here: taken as plates",)
+    assert again.notes == (
+        "it: 10 surfaces called mesh:... come from mesh files that are not listed: used as plates of 2 cm",
+    )
 
 
 def test_a_mesh_that_came_from_no_file_cannot_be_written_as_one():
