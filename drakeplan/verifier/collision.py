@@ -53,7 +53,7 @@ class Face:
         middle = polygon.mean(axis=0)
         radius = (inward * (middle - polygon[long])).sum(axis=1).min(initial=np.inf)
         if not 1e-4 < radius < np.inf:
-            return None  # its neighbours cover it
+            return None  # too thin to matter: the faces beside it are solid too
         if not self.tapered:
             return np.concatenate([polygon, polygon - PLATE_THICKNESS * self.normal])
         depth = min(TRIANGLE_DEPTH, 0.9 * radius)
@@ -63,6 +63,16 @@ class Face:
 def check_collisions(
     sheet: Sheet, plan: PlanFile, robot: RobotModel, scene: Scene, origins: np.ndarray, radii: np.ndarray
 ) -> None:
+    """Depths to which bodies penetrate each other, surfaces and obstacles.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+        robot: the robot's model.
+        scene: the plan's scene.
+        origins: (T, B, 3) of the bodies with collision shapes in W [m].
+        radii: (B,) of balls about them that hold the shapes [m].
+    """
     faces = [*_plates(plan, scene), *_triangles(plan["scene/triangles"]), *_boxes(scene)]
     limits: dict[str, float] = dict.fromkeys(("self collision", "terrain collision"), PENETRATION)
     limits["sole and palm collision"] = SOLE_PENETRATION
@@ -128,8 +138,8 @@ def _boxes(scene: Scene) -> Iterator[Face]:
             yield Face(f"box {k}", polygon[::sign], R[:, 2], tapered=True)
 
 
-# Registering n solids costs Drake n^2, and its signed distance never returns where a sole touches a plate of 30 m:
-# a long way is checked stretch by stretch, on what lies around each.
+# Registering n solids takes Drake time that grows with n^2, and its signed distance does not terminate where a sole
+# touches a plate of 30 m: a long motion is checked in stretches, each against the faces near it.
 MAX_FACES, BLOCK, STRETCH, MARGIN = 250, 100, 3.0, 0.5
 
 
@@ -139,7 +149,7 @@ def _groups(origins: np.ndarray, radii: np.ndarray, faces: Sequence[Face]) -> It
     Args:
         origins: (T, B, 3) of the bodies in W [m].
         radii: (B,) about the origins that hold the bodies [m].
-        faces: of everything that stands still.
+        faces: of surfaces and obstacles.
     """
     low = np.array([f.polygon.min(axis=0) for f in faces]).reshape(-1, 3) - PLATE_THICKNESS
     high = np.array([f.polygon.max(axis=0) for f in faces]).reshape(-1, 3) + PLATE_THICKNESS
@@ -185,7 +195,7 @@ def _penetrate(
             if depth <= worst[kind][0]:
                 continue
             if depth > TOUCH:
-                with contextlib.suppress(RuntimeError):  # the bound from above stands
+                with contextlib.suppress(RuntimeError):  # Drake found no signed distance: keep the upper bound
                     depth = min(depth, -query.ComputeSignedDistancePairClosestPoints(pair.id_A, pair.id_B).distance)
             if depth > worst[kind][0]:
                 worst[kind] = (depth, f"frame {k}, t = {t[k]:.3f} s, {label_a} in {label_b}")

@@ -1,4 +1,4 @@
-"""Whether every contact lies on a surface that allows it, wholly and free of what stands there."""
+"""Whether every contact lies on a surface that allows it, inside its outline and uncovered."""
 
 from __future__ import annotations
 
@@ -20,6 +20,13 @@ from .scene import Plate, Scene
 
 
 def check_contacts(sheet: Sheet, plan: PlanFile, scene: Scene) -> None:
+    """Poses, surfaces and friction of all contacts, and the room of their patches.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+        scene: the plan's scene.
+    """
     X_WC, effector, surface = plan["contacts/X_WC"], plan["contacts/effector"], plan["contacts/surface"]
     half = plan["effectors_half_extent"]
     rows = range(len(X_WC))

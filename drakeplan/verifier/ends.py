@@ -19,6 +19,16 @@ from .scene import Scene, pose, triple
 
 
 def check_ends(sheet: Sheet, plan: PlanFile, scene: Scene) -> None:
+    """First and last stance against the scene's start and goal.
+
+    Raises:
+        UnreadablePlan: the scene has no start or goal, or one of the wrong form.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+        scene: the plan's scene.
+    """
     stances = plan["stances/contact"]
     try:
         if scene.start.get("stance"):

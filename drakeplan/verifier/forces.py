@@ -20,6 +20,12 @@ from .wrenches import CONES, TRUE_CONE, corner_wrenches, distance_to_cones, wren
 
 
 def check_forces(sheet: Sheet, plan: PlanFile) -> None:
+    """Contact wrenches against what patches and friction admit.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+    """
     t, contact, force = plan["centroidal/t"], plan["centroidal/contact"], plan["centroidal/force_W"]
     weight = plan.mass * -GRAVITY[2]
 
@@ -48,6 +54,13 @@ def check_forces(sheet: Sheet, plan: PlanFile) -> None:
 
 
 def check_momentum(sheet: Sheet, plan: PlanFile, robot: RobotModel) -> None:
+    """Newton's and Euler's equations between the knots; rest and balance at both ends.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+        robot: the robot's model.
+    """
     sheet.add("mass", abs(plan.mass / robot.mass - 1), MASS, "", f"file {plan.mass:.6g} kg, model {robot.mass:.6g} kg")
     t, com, force = plan["centroidal/t"], plan["centroidal/com"], plan["centroidal/force_W"]
     momentum, spin = plan["centroidal/linear_momentum"], plan["centroidal/angular_momentum"]

@@ -8,13 +8,24 @@ import numpy as np
 
 
 def corners(X_WC: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """(4, 3) corners of a patch in W [m]."""
+    """(4, 3) corners of a patch in W [m].
+
+    Args:
+        X_WC: (4, 4) pose of the contact frame in W [m].
+        half: (2,) half extents along its x and y [m].
+    """
     signs = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     return X_WC[:3, 3] + (signs * [*half, 0.0]) @ X_WC[:3, :3].T
 
 
 def clip(polygon: np.ndarray, low: np.ndarray | Sequence[float], high: np.ndarray | Sequence[float]) -> np.ndarray:
-    """The part (n, 3) of a convex polygon inside the box between `low` and `high` (Sutherland & Hodgman 1974)."""
+    """The part (n, 3) of a convex polygon inside the box between `low` and `high` (Sutherland & Hodgman 1974).
+
+    Args:
+        polygon: (K, 3) corners in order [m].
+        low: (3,) least coordinates of the box [m].
+        high: (3,) greatest coordinates of the box [m].
+    """
     for axis in range(3):
         for sign, bound in ((1.0, high[axis]), (-1.0, -low[axis])):
             if not len(polygon):
@@ -33,6 +44,11 @@ def clip(polygon: np.ndarray, low: np.ndarray | Sequence[float], high: np.ndarra
 
 
 def angle_between(R_WA: np.ndarray, R_WB: np.ndarray) -> np.ndarray:
-    """(n,) angle between rotations (n, 3, 3) and (3, 3) [rad]: |R - I|_F = 2 sqrt 2 |sin angle/2|, exact when small."""
+    """(n,) angle between rotations (n, 3, 3) and (3, 3) [rad]: |R - I|_F = 2 sqrt 2 |sin angle/2|, exact when small.
+
+    Args:
+        R_WA: (n, 3, 3) rotations of frames A in W.
+        R_WB: (3, 3) rotation of one frame B in W.
+    """
     chord = np.linalg.norm(R_WA - R_WB, axis=(1, 2)) / (2 * np.sqrt(2))
     return 2 * np.arcsin(np.clip(chord, 0.0, 1.0))

@@ -6,16 +6,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from pydrake.multibody.tree import RigidBody
 
 from .collision import check_collisions
+from .dynamics import check_dynamics
 from .geometry import angle_between
 from .limits import (
+    ACCELERATION,
     AT_REST,
-    COM,
     EFFECTORS,
     HELD_ANGLE,
     HELD_POSITION,
@@ -29,18 +28,21 @@ from .plan_file import PlanFile, UnreadablePlan
 from .report import Sheet, which_end
 from .robot import RobotModel
 from .scene import Scene
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """What the motion does with the model: (T, 4, 4, 4) X_WE, (T, 3) CoM, (T, B, 3) origins of the bodies [m]."""
-
-    X_WE: np.ndarray
-    com: np.ndarray
-    origins: np.ndarray
+from .track import Track, follow
 
 
 def check_motion(sheet: Sheet, plan: PlanFile, robot: RobotModel, scene: Scene) -> None:
+    """The motion's limits, its contacts, dynamics and collisions.
+
+    Raises:
+        UnreadablePlan: positions or velocities are not those of the model.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+        robot: the robot's model.
+        scene: the plan's scene.
+    """
     t, q, v, plant = plan["motion/t"], plan["motion/q"], plan["motion/v"], robot.plant
     names = tuple(plant.GetPositionNames()), tuple(plant.GetVelocityNames())
     if names != (plan.names["position_names"], plan.names["velocity_names"]):
@@ -63,14 +65,16 @@ def check_motion(sheet: Sheet, plan: PlanFile, robot: RobotModel, scene: Scene) 
     over[1:] = np.maximum(over[1:], np.maximum(lower - difference, difference - upper))
     sheet.add("joint speeds", over, SPEED_LIMIT, "rad/s", lambda i: at(i, names[1]))
     sheet.add("velocities", _velocity_error(v, difference), VELOCITY, "rad/s", lambda i: at(i, names[1]))
+    joints = slice(6, None)
+    acceleration = np.abs(np.diff(v[:, joints], axis=0)) / np.diff(t)[:, None]
+    sheet.add("joint accelerations", acceleration, ACCELERATION, "rad/s^2", lambda i: at(i, names[1][joints]))
     sheet.add("posture at rest", np.abs(v[[0, -1]]), AT_REST, "rad/s", lambda i: f"{which_end(i[0])}, {names[1][i[1]]}")
     if not unit:
         return
     bodies, radii = robot.colliding_bodies()
-    track = _follow(robot, q, bodies)
+    track = follow(robot, plan, bodies)
     _check_held(sheet, plan, track)
-    planned = np.stack([np.interp(t, plan["centroidal/t"], plan["centroidal/com"][:, k]) for k in range(3)], axis=1)
-    sheet.add("com of model", np.linalg.norm(track.com - planned, axis=1), COM, "m", at)
+    check_dynamics(sheet, plan, robot, track)
     check_collisions(sheet, plan, robot, scene, track.origins, radii)
 
 
@@ -89,26 +93,16 @@ def _difference(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _velocity_error(v: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """(T-1, nv) how far velocities (T, nv) are from the mean velocity over each frame (T-1, nv), the smaller of two measures.
+    """(T-1, nv) how far velocities (T, nv) are from the mean velocity over each frame (T-1, nv).
 
-    Velocities sampled from a curve: the mean lies between those at its ends, but for the curvature. Velocities that are
-    differences themselves: each is the mean of the differences beside it.
+    The lesser of two differences, as velocities may be stored in either way. Samples of a curve: the mean velocity over a
+    frame lies between those at its ends. Central differences of positions: the velocity at a frame is the mean of the mean
+    velocities before and after it. `VELOCITY` says what remains of either where accelerations change.
     """
     between = np.maximum(np.minimum(v[:-1], v[1:]) - difference, difference - np.maximum(v[:-1], v[1:]))
     beside = np.concatenate([difference[:1], (difference[:-1] + difference[1:]) / 2, difference[-1:]])
     centred = np.abs(v - beside)
     return np.minimum(between, np.maximum(centred[:-1], centred[1:]))
-
-
-def _follow(robot: RobotModel, q: np.ndarray, bodies: Sequence[RigidBody]) -> Track:
-    plant, context = robot.plant, robot.plant_context
-    X_WE, com, origins = np.empty((len(q), 4, 4, 4)), np.empty((len(q), 3)), np.empty((len(q), len(bodies), 3))
-    for k, row in enumerate(q):
-        plant.SetPositions(context, row)
-        X_WE[k] = [frame.CalcPoseInWorld(context).GetAsMatrix4() for frame in robot.frames]
-        com[k] = plant.CalcCenterOfMassPositionInWorld(context)
-        origins[k] = [plant.EvalBodyPoseInWorld(context, body).translation() for body in bodies]
-    return Track(X_WE, com, origins)
 
 
 def _check_held(sheet: Sheet, plan: PlanFile, track: Track) -> None:

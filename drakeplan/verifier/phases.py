@@ -15,6 +15,12 @@ from .report import Sheet
 
 
 def check_stances(sheet: Sheet, plan: PlanFile) -> None:
+    """Contacts of the stances, and what changes from one to the next.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+    """
     stances = plan["stances/contact"]
     sheet.add("stance effectors", _wrong_effector(plan, stances), 0, "", lambda i: f"stance {i[0]}, {EFFECTORS[i[1]]}")
     changes = np.abs((stances[1:] != stances[:-1]).sum(axis=1) - 1)
@@ -28,6 +34,12 @@ def _wrong_effector(plan: PlanFile, table: np.ndarray) -> np.ndarray:
 
 
 def check_phases(sheet: Sheet, plan: PlanFile) -> None:
+    """Times of the phases, and their contacts against those of stances and forces.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+    """
     start, end, contact = plan["phases/start"], plan["phases/end"], plan["phases/contact"]
     sheet.add(
         "phases contiguous",

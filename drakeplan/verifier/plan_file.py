@@ -29,7 +29,7 @@ class UnreadablePlan(ValueError):  # noqa: N818
         super().__init__(" ".join(message.split()))
 
 
-# Dataset -> kind (f real, i integer, s text) and shape; a letter is a length that must agree wherever it stands.
+# Dataset -> kind (f real, i integer, s text) and shape; a letter is a length, the same in all shapes.
 Layout = dict[str, tuple[str, tuple[int | str, ...]]]
 ALWAYS: Layout = {
     "scene/yaml": ("s", ()),
@@ -80,7 +80,7 @@ class PlanFile:
         return self.attributes["status"] == "complete"
 
     def held(self, contact: int) -> str:
-        """What a contact is, for people."""
+        """Index and end effector of a contact, for messages."""
         return f"contact {contact} ({EFFECTORS[self['contacts/effector'][contact]]})"
 
 
@@ -153,6 +153,15 @@ def _dataset(
 
 
 def find_model(plan: PlanFile, robot_model: str | Path | None) -> Path:
+    """The model to check with, if it is the one that the plan was made for.
+
+    Args:
+        plan: the plan file.
+        robot_model: path; by default the one that the plan names.
+
+    Raises:
+        UnreadablePlan: no such file, or another model.
+    """
     model = Path(robot_model if robot_model is not None else plan.attributes["robot_model"])
     if not model.is_file():
         raise UnreadablePlan(f"{plan.path}: there is no robot model {model}; give the model it was made for")
@@ -162,7 +171,12 @@ def find_model(plan: PlanFile, robot_model: str | Path | None) -> Path:
 
 
 def check_data(sheet: Sheet, plan: PlanFile) -> str:
-    """Whether the numbers can be interpreted at all; returns why not, or nothing."""
+    """Whether the numbers can be interpreted at all; returns why not, or nothing.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+    """
     sheet.add("complete", float(not plan.complete), 0, "", f"status is {plan.attributes['status']!r}")
     real = [name for name, array in plan.data.items() if array.dtype.kind == "f"]
     infinite = [np.count_nonzero(~np.isfinite(plan[name])) for name in real]

@@ -64,7 +64,7 @@ class Report:
         lines = []
         for c in self.checks:
             sign, verdict = ("<=", "ok  ") if c.ok else ("> ", "FAIL")
-            line = f"{verdict}  {c.name:<{width}}  {c.worst:11.4g} {sign} {c.limit:<9.4g} {c.unit:<6} {c.where}"
+            line = f"{verdict}  {c.name:<{width}}  {c.worst:11.4g} {sign} {c.limit:<9.4g} {c.unit:<7} {c.where}"
             lines.append(line.rstrip())
         verdict = "the plan holds" if self.holds else f"the plan does not hold: {', '.join(self.failed)}"
         return "\n".join([*lines, *([self.remark] if self.remark else []), verdict])
@@ -105,13 +105,11 @@ class Sheet:
             limit: greatest value allowed.
             unit: of both.
             where: the place, or a function from the index of the worst entry to its place.
-            empty: what to say where no entries are right and proper; without it no entries is a failure.
+            empty: the place to report where it is correct that there are no entries; without it no entries is a failure.
         """
         array = np.atleast_1d(np.asarray(values, dtype=float))
         if not array.size:
-            self.checks.append(
-                Check(name, bool(empty), 0.0 if empty else np.nan, limit, unit, empty or "nothing there")
-            )
+            self.checks.append(Check(name, bool(empty), 0.0 if empty else np.nan, limit, unit, empty or "no data"))
             return bool(empty)
         # A NaN is worse than any number, and argmax finds it first.
         index = np.unravel_index(int(np.argmax(array)), array.shape)

@@ -26,7 +26,15 @@ from .report import Sheet
 
 
 class RobotModel:
-    """The robot as Drake's parser gives it, with whatever stands around it on the world body."""
+    """The robot as Drake's parser gives it, with solids around it on the world body.
+
+    Attributes:
+        frames: of the end effectors, in their order.
+        mass: of the whole robot [kg].
+        actuator_names: (A,) names.
+        actuated: (A,) index of each actuator's joint among the velocities.
+        effort: (A,) greatest torque of each actuator [N m].
+    """
 
     def __init__(self, model: Path, solids: Sequence[np.ndarray] = ()) -> None:
         self.model = model
@@ -51,6 +59,10 @@ class RobotModel:
         self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
         self.scene_context = self.scene_graph.GetMyContextFromRoot(self.context)
         self.mass = self.plant.CalcTotalMass(self.plant_context)
+        actuators = [self.plant.get_joint_actuator(index) for index in self.plant.GetJointActuatorIndices()]
+        self.actuator_names = [actuator.name() for actuator in actuators]
+        self.actuated = np.array([actuator.joint().velocity_start() for actuator in actuators], dtype=int)
+        self.effort = np.array([actuator.effort_limit() for actuator in actuators])
 
     def colliding_bodies(self) -> tuple[list[RigidBody], np.ndarray]:
         """The bodies that have collision shapes, and (B,) radii about their origins that hold the shapes [m]."""
@@ -73,7 +85,13 @@ class RobotModel:
 
 
 def check_patches_on_robot(sheet: Sheet, plan: PlanFile, robot: RobotModel) -> None:
-    """A sole larger than the robot's would balance anything."""
+    """Corners of the patches against the bodies that should carry them: too large a sole would balance anything.
+
+    Args:
+        sheet: takes the checks.
+        plan: the plan file.
+        robot: the robot's model.
+    """
     query = robot.scene_graph.get_query_output_port().Eval(robot.scene_context)
     distances = np.full((4, 4), np.nan)
     for e, frame in enumerate(robot.frames):

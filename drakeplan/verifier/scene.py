@@ -24,7 +24,7 @@ from .plan_file import UnreadablePlan
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """A surface of the scene: convex polygon (K, 3), outward normal, friction, who may touch it."""
+    """A surface of the scene: convex polygon (K, 3), outward normal, friction, end effectors that may touch it."""
 
     name: str
     vertices: np.ndarray
@@ -35,7 +35,7 @@ class Plate:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the file says of the surroundings."""
+    """Surfaces, boxes, start and goal."""
 
     plates: tuple[Plate, ...]
     boxes: tuple[tuple[np.ndarray, np.ndarray], ...]  # (4, 4) pose of the centre, (3,) full edges
@@ -82,10 +82,10 @@ def _plain(text: str) -> object:
             items, mapping = opened.pop()
             pairs = dict(zip(items[::2], items[1::2], strict=True)) if mapping else {}
             if len(pairs) < len(items) // 2 * mapping:
-                raise ValueError("a key stands twice")
+                raise ValueError("duplicate key")
             opened[-1][0].append(pairs if mapping else items)
         elif isinstance(event, yaml.AliasEvent):
-            raise ValueError("aliases are not for scenes")
+            raise ValueError("aliases are not allowed")
         if len(opened) > 50:
             raise ValueError("nested too deep")
     if len(found) != 1:

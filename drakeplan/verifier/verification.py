@@ -30,7 +30,7 @@ def verify(path: str | Path, robot_model: str | Path | None = None) -> Report:
     plan = read_plan(Path(path))
     model = find_model(plan, robot_model)
     sheet = Sheet()
-    with np.errstate(all="ignore"):  # absurd numbers overflow; what comes of that fails its check
+    with np.errstate(all="ignore"):  # extreme numbers overflow to inf or NaN, and these fail their checks
         remark = check_data(sheet, plan)
         if not remark:
             _check_plan(sheet, plan, model)

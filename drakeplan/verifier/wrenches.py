@@ -96,7 +96,14 @@ def wrench_distance(
 
 
 def corner_wrenches(X_WC: np.ndarray, half: np.ndarray, rays: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """(6, 4 G) force and moment about a point of W of every generator at every corner of a patch."""
+    """(6, 4 G) force and moment about a point of W of every generator at every corner of a patch.
+
+    Args:
+        X_WC: (4, 4) pose of the contact frame in W [m].
+        half: (2,) half extents of the patch [m].
+        rays: (3, G) generators of the friction cone in the contact frame.
+        about: (3,) point of moments in W [m].
+    """
     forces = X_WC[:3, :3] @ rays
     columns = [np.vstack([forces, np.cross(p - about, forces.T).T]) for p in corners(X_WC, half)]
     return np.hstack(columns)
@@ -106,6 +113,10 @@ def distance_to_cones(blocks: Sequence[np.ndarray], wrenches: np.ndarray) -> np.
     """(K,) the l1 distance of each wrench (K, 6) from the cone that the columns of its block (6, G) span.
 
     One sparse linear program for all: min sum |slack| s.t. block x + slack = wrench, x >= 0.
+
+    Args:
+        blocks: K arrays (6, G) whose columns span the cones.
+        wrenches: (K, 6) force and moment, in the frame and units of the blocks.
     """
     distances = []
     for first in range(0, len(blocks), 128):
@@ -120,7 +131,7 @@ def distance_to_cones(blocks: Sequence[np.ndarray], wrenches: np.ndarray) -> np.
         if answer.x is None:
             distances.append(np.full(len(part), np.nan))
             continue
-        # The solver's word is not taken: the distance is what its forces leave of the wrench.
+        # Computed anew from the solver's forces, whatever its status: what they leave of the wrench.
         rest = cones @ np.maximum(answer.x[:num_rays], 0.0) - target
         distances.append(np.abs(rest).reshape(-1, 6).sum(axis=1))
     return np.concatenate(distances)

@@ -101,6 +101,28 @@ def joint(name: str, change: float) -> Corruption:
     return corrupt
 
 
+def oscillate(amounts: dict[str, float], omega: float, start: float, end: float) -> Corruption:
+    """Moves positions to and fro, from rest to rest; the stored velocities are those of the motion that results.
+
+    Args:
+        amounts: from the end of a position's name to how far it goes [rad, m].
+        omega: angular frequency, rounded to whole periods [rad/s].
+        start: time at which it begins [s].
+        end: time at which it ends [s].
+    """
+
+    def corrupt(file: h5py.File) -> None:
+        t, w = file["motion/t"][()], 2 * np.pi * round((end - start) * omega / (2 * np.pi)) / (end - start)
+        phase = w * np.where((t > start) & (t < end), t - start, 0.0)
+        for name, amount in amounts.items():
+            names = list(file["motion"].attrs["position_names"])
+            column = next(i for i, n in enumerate(names) if n.endswith(name))
+            add("motion/q", (slice(None), column), amount * (1 - np.cos(phase)) / 2)(file)
+            add("motion/v", (slice(None), column - 1), amount * w / 2 * np.sin(phase))(file)
+
+    return corrupt
+
+
 def swap_phases(file: h5py.File) -> None:
     """The left foot swings before the palm is on the wall."""
     contact = file["phases/contact"][()]
@@ -108,12 +130,16 @@ def swap_phases(file: h5py.File) -> None:
     file["phases/contact"][...] = contact
 
 
-def push(file: h5py.File) -> None:
-    """The feet push each other apart: sums stay, the tangential forces do not."""
-    force = file["centroidal/force_W"][()]
-    force[:4, LEFT_FOOT, 1] += 300.0
-    force[:4, RIGHT_FOOT, 1] -= 300.0
-    file["centroidal/force_W"][...] = force
+def push(amount: float) -> Corruption:
+    """The feet push each other apart [N]: sums stay, the tangential forces do not."""
+
+    def corrupt(file: h5py.File) -> None:
+        force = file["centroidal/force_W"][()]
+        force[:4, LEFT_FOOT, 1] += amount
+        force[:4, RIGHT_FOOT, 1] -= amount
+        file["centroidal/force_W"][...] = force
+
+    return corrupt
 
 
 def pull(file: h5py.File) -> None:
@@ -140,6 +166,23 @@ def both(*corruptions: Corruption) -> Corruption:
 
 
 frame, knot = np.s_[200], np.s_[40]
+PALMS_FREE = 7.1, 9.7  # [s] while both palms are in the air
+MOTION = {
+    "joint accelerations",
+    *(f"{kind} momentum of model{part}" for kind in ("linear", "angular") for part in ("", ", RMS")),
+}
+# Smooth motions with the velocities that belong to them: no other check catches these.
+SMOOTH_MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
+    "both shoulders swung in antiphase": (
+        oscillate({"left_shoulder_pitch_q": 1.0, "right_shoulder_pitch_q": -1.0}, 12.0, *PALMS_FREE),
+        {"angular momentum of model", "angular momentum of model, RMS"},
+    ),
+    "a base that shakes by 4.5 mm": (
+        oscillate({"pelvis_x": 0.0045}, 110.0, 0.1, 9.7),
+        {"linear momentum of model", "linear momentum of model, RMS"},
+    ),
+    "a wrist that trembles": (oscillate({"right_wrist_roll_q": 0.65}, 32.0, 0.1, 9.7), {"joint accelerations"}),
+}
 MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     # data
     "status says contacts": (attribute("status", "contacts"), {"complete"}),
@@ -214,7 +257,7 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     ),
     "the last row differs": (add("centroidal/force_W", (-1, 0, 2), 5.0), {"last row repeats"}),
     "a force scaled": (put("centroidal/force_W", (knot, 1), [0.0, 0.0, 800.0]), {"newton", "euler"}),
-    "feet that push each other apart": (push, {"wrench in true cone", "wrench in named cone"}),
+    "feet that push each other apart": (push(300.0), {"wrench in true cone", "wrench in named cone"}),
     "a foot that pulls": (pull, {"unilateral", "wrench in true cone"}),
     "a centre of pressure beside the sole": (
         put("centroidal/cop_C", (2, 0), [0.15, 0.0]),
@@ -248,6 +291,8 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     "an arm through the body": (joint("right_shoulder_roll", 0.6), {"self collision"}),
     "a pillar in the way": (pillar_at(0.2, 0.3), {"terrain collision"}),
     "a low ceiling": (plate("[[-1, -1, 1.3], [-1, 1, 1.3], [1, 1, 1.3], [1, -1, 1.3]]"), {"terrain collision"}),
+    "feet that push each other apart beyond the hips' torque": (push(900.0), {"joint torques", "wrench in true cone"}),
+    **SMOOTH_MUTATIONS,
     # where it starts and ends
     "another start": (scene("start: {xyz: [0, 0, 0]", "start: {xyz: [0.2, 0, 0]"), {"start"}),
     "another heading": (scene("0], yaw: 0}\ngoal", "0], yaw: 0.2}\ngoal"), {"start heading"}),
@@ -279,6 +324,16 @@ def test_a_corruption_is_caught_by_its_check(good: Path, tmp_path: Path, name: s
     report = verify(path)
     assert not report.holds
     assert expected <= set(report.failed), report.table()
+
+
+@pytest.mark.parametrize("name", SMOOTH_MUTATIONS)
+def test_a_smooth_corruption_is_caught_by_momenta_or_accelerations_alone(good: Path, tmp_path: Path, name: str) -> None:
+    corrupt, expected = SMOOTH_MUTATIONS[name]
+    path = Path(shutil.copy(good, tmp_path / "bad.h5"))
+    with h5py.File(path, "r+") as file:
+        corrupt(file)
+    report = verify(path)
+    assert expected <= set(report.failed) <= MOTION, report.table()
 
 
 def test_no_check_is_without_a_corruption_that_it_catches(verdict: Report) -> None:
