@@ -6,6 +6,7 @@ Each name is a module of this package with `run(options: BenchOptions)`, which r
 BENCHES = {
     "first": "time to the first contact sequence, rubble field and corridor, one thread",
     "scenes": "verdicts of the verifier for every named scene and the meshes of hpp-environments",
+    "verifier": "how close motions come to the verifier's limits on momenta, accelerations and torques",
     "command": "whole command from process start to files written: time and memory",
     "scale": "growth with the number of surfaces and with the distance",
     "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
