@@ -91,16 +91,22 @@ def run(options: BenchOptions) -> BenchTable:
         f"HiGHS: random stances with force limits; {near} within {BOUNDARY:g} m of the boundary are left out.",
         *([] if speeds["peer"] else [f"hpp-centroidal-dynamics is {INSTALL}."]),
     )
-    return BenchTable("balance", "Balance of a contact set", columns, tuple(rows), notes)
+    return BenchTable("balance", "Balance of a contact set", columns, tuple(rows), notes, most_seeds=None)
 
 
-def _measure_in_child(options: BenchOptions) -> dict:
+def child_environment() -> dict[str, str]:
+    """Environment variables of a process that measures: one thread, and the peer's libraries where it is installed."""
     spec = importlib.util.find_spec(PEER)
     environment = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     if spec is not None and spec.origin:
         libraries = str(Path(spec.origin).parents[2])  # <prefix>/lib/pythonX.Y/site-packages/<module>.so
         environment["LD_LIBRARY_PATH"] = os.pathsep.join(filter(None, [libraries, os.environ.get("LD_LIBRARY_PATH")]))
-    else:
+    return environment
+
+
+def _measure_in_child(options: BenchOptions) -> dict:
+    environment = child_environment()
+    if importlib.util.find_spec(PEER) is None:
         options.tell(f"hpp-centroidal-dynamics is {INSTALL}")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "balance.json"

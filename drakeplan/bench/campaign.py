@@ -134,4 +134,4 @@ def _table(tasks: int, sessions: dict[str, list[_Session]]) -> BenchTable:
         "A stop loses at most the open shards, however long the campaign.",
         "data: whether the files are those of one worker, bit for bit.",
     )
-    return BenchTable("campaign", "Label campaigns on one machine", columns, tuple(rows), notes)
+    return BenchTable("campaign", "Label campaigns on one machine", columns, tuple(rows), notes, most_seeds=MAX_TASKS)

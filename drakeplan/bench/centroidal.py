@@ -87,7 +87,12 @@ def run(options: BenchOptions) -> BenchTable:
         *([] if interior_point.available() else [interior_point.INSTALL]),
     ]
     return BenchTable(
-        "centroidal", "Centroidal programs: labels, sequences and peers", COLUMNS, tuple(rows), tuple(notes)
+        "centroidal",
+        "Centroidal programs: labels, sequences and peers",
+        COLUMNS,
+        tuple(rows),
+        tuple(notes),
+        most_seeds=None,
     )
 
 

@@ -44,4 +44,6 @@ def run(options: BenchOptions) -> BenchTable:
     columns = ("plan", "verified", "median s", "min", "max", "target s", "peak MB", "target MB", "search s", "dynamics s",
                "motion s")  # fmt: skip
     notes = ("Seeds 0 and up, one run each, with --out and --html; search includes 1 s of improvement.",)
-    return BenchTable("command", "Whole command, process start to files written", columns, tuple(rows), notes)
+    return BenchTable(
+        "command", "Whole command, process start to files written", columns, tuple(rows), notes, most_seeds=REPEATS
+    )

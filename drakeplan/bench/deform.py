@@ -55,7 +55,7 @@ def run(options: BenchOptions) -> BenchTable:
     notes.append("Deformation: regions and strips with their repairs; whole deformation adds dynamics, motion and "
                  "verification. Seconds of processor time, which do not depend on what else the machine does.")  # fmt: skip
     title = "Plans deformed to surfaces moved by up to 10 cm and 15 deg"
-    return BenchTable("deform", title, columns, tuple(rows), tuple(notes))
+    return BenchTable("deform", title, columns, tuple(rows), tuple(notes), most_seeds=None)
 
 
 def moved_scene(name: str, seed: int) -> tuple[Scene, Scene]:

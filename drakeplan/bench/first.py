@@ -52,4 +52,6 @@ def run(options: BenchOptions) -> BenchTable:
         )  # fmt: skip
     columns = ("scene", "solved", "median ms", "p5", "p95", "max", "expansions", "transitions", "plans with palms",
                "Lin 2020, quasi-static, 30 s")  # fmt: skip
-    return BenchTable("first", "Time to the first contact sequence", columns, tuple(rows), tuple(notes))
+    return BenchTable(
+        "first", "Time to the first contact sequence", columns, tuple(rows), tuple(notes), most_seeds=None
+    )

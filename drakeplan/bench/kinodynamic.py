@@ -63,7 +63,14 @@ def run(options: BenchOptions) -> BenchTable:
     notes.append(
         "CPU s: key postures, dynamics and motion, one process; without feedback the same stage follows the CoM."
     )
-    return BenchTable("kinodynamic", "Momenta of the motion less the dynamics'", columns, tuple(rows), tuple(notes))
+    return BenchTable(
+        "kinodynamic",
+        "Momenta of the motion less the dynamics'",
+        columns,
+        tuple(rows),
+        tuple(notes),
+        most_seeds=MAX_SEEDS,
+    )
 
 
 def _row(plant: RobotPlant, motions: list[tuple[MotionResult, float]]) -> tuple[object, ...]:

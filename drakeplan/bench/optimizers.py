@@ -29,6 +29,7 @@ COLUMNS = (
 )  # fmt: skip
 TITLE = "Optimisers side by side"
 PICTURE = Path("out/optimizers.png")
+MAX_SEEDS = 20
 TURNS = 3  # of each whole sequence; the least time counts
 PEER_LONGEST = {FrictionCone.INNER: 100, FrictionCone.SQUARE: 20}  # intervals: it takes seconds to build for more
 NOTES = (
@@ -42,14 +43,14 @@ NOTES = (
 
 
 def run(options: BenchOptions) -> BenchTable:
-    """`seeds` random transitions of two categories (20 at most), 10 and 31 contacts; the picture goes to out/."""
+    """`seeds` random transitions of two categories (`MAX_SEEDS` at most), 10 and 31 contacts; the picture goes to out/."""
     robot = load_robot(options.robot)
-    trials = centroidal_trials(centroidal_questions(robot, min(options.seeds, 20)), methods(), options)
+    trials = centroidal_trials(centroidal_questions(robot, min(options.seeds, MAX_SEEDS)), methods(), options)
     rows = centroidal_rows(trials)
     from drakeplan.bench.whole_body_trials import whole_body_rows  # loads planner and motion: only here
 
     others, notes = whole_body_rows(robot, options)
-    table = BenchTable("optimizers", TITLE, COLUMNS, (*rows, *others), (*NOTES, *notes))
+    table = BenchTable("optimizers", TITLE, COLUMNS, (*rows, *others), (*NOTES, *notes), most_seeds=MAX_SEEDS)
     if PICTURE.parent.is_dir() or not PICTURE.parent.exists():
         from drakeplan.bench.optimizer_plots import save
 

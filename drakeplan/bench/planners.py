@@ -87,7 +87,9 @@ def run(options: BenchOptions) -> BenchTable:
     notes += [f"{a.scene} seed {a.seed} {a.planner}: {a.result.reason}" for a in attempts if not a.verified]
     columns = ("scene", "planner", "verified", "first contacts s", "planning s", "total s", "stances", "cost", "gap to bound",
                "repairs")  # fmt: skip
-    return BenchTable("planners", "Planners on the same scenes and verifier", columns, tuple(rows), tuple(notes))
+    return BenchTable(
+        "planners", "Planners on the same scenes and verifier", columns, tuple(rows), tuple(notes), most_seeds=MAX_SEEDS
+    )
 
 
 def _bound(scene: Scene, robot: Robot, ik: WholeBodyIK) -> LengthBound:

@@ -65,7 +65,9 @@ def run(options: BenchOptions) -> BenchTable:
         "second: set-up of another planner in the same query, which shares the packed terrain.",
         "ms per expansion leaves out the set-up (packing the terrain into arrays, proportional to its size).",
     )
-    return BenchTable("scale", "Growth of the time to the first sequence", columns, tuple(rows), notes)
+    return BenchTable(
+        "scale", "Growth of the time to the first sequence", columns, tuple(rows), notes, most_seeds=MAX_SEEDS
+    )
 
 
 def _measure(scene: Scene, robot: Robot, ik: WholeBodyIK, seed: int) -> tuple[float, float, int, float] | None:

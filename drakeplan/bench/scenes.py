@@ -53,4 +53,4 @@ def run(options: BenchOptions) -> BenchTable:
                      sum(bool(r["palms_used"]) for r in complete),
                      float(np.median(total)) if total else float("nan")))  # fmt: skip
     columns = ("scene", "queries", "verified", "contacts only", "no plan", "verified with palms", "median total s")
-    return BenchTable("scenes", "Verdicts of the verifier", columns, tuple(rows), tuple(notes))
+    return BenchTable("scenes", "Verdicts of the verifier", columns, tuple(rows), tuple(notes), most_seeds=MAX_SEEDS)

@@ -81,7 +81,15 @@ def times(options: BenchOptions, surrogate: DynamicsSurrogate) -> BenchTable:
         " takes (OPENBLAS_NUM_THREADS=1 holds it back); the others use one.",
     )
     columns = ("batches", "number", "mean size", "us a transition: median", "least", "sum of leasts")
-    return BenchTable("surrogate_times", "Time of a learned prediction", columns, tuple(rows), notes, bench="surrogate")
+    return BenchTable(
+        "surrogate_times",
+        "Time of a learned prediction",
+        columns,
+        tuple(rows),
+        notes,
+        bench="surrogate",
+        most_seeds=SEEDS,
+    )
 
 
 def real_batches(options: BenchOptions, surrogate: DynamicsSurrogate, scene: str) -> list[TransitionBatch]:

@@ -20,6 +20,7 @@ import numpy as np
 from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 
+DEFAULT_SEEDS = 50
 PACKAGES = ("drakeplan", "drake", "numpy", "numba", "scipy", "piqp", "hpp-centroidal-dynamics", "hpp-environments")
 
 
@@ -34,7 +35,7 @@ class BenchOptions:
         case: file with a published case, for the benchmarks that read one.
     """
 
-    seeds: int = 50
+    seeds: int = DEFAULT_SEEDS
     robot: str = "escher"
     tell: Callable[[str], None] = field(default=lambda line: None)
     case: Path | None = None
@@ -51,6 +52,7 @@ class BenchTable:
         rows: cells, numbers or text.
         notes: lines below the table.
         bench: the command that makes it, "" where that has its name.
+        most_seeds: how many seeds it uses at most, None without a limit, 0 where nothing in it is drawn at random.
     """
 
     name: str
@@ -59,21 +61,38 @@ class BenchTable:
     rows: tuple[tuple[object, ...], ...]
     notes: tuple[str, ...] = ()
     bench: str = ""
+    most_seeds: int | None = field(kw_only=True)
 
-    def markdown(self) -> str:
-        """The table as Markdown, with machine and versions."""
+    def used_seeds(self, seeds: int) -> str:
+        """How many seeds the table is made of where `seeds` were asked for, and how many it has by default if that is more."""
+        if self.most_seeds == 0:
+            return "no seeds"
+        used, usual = (n if self.most_seeds is None else min(n, self.most_seeds) for n in (seeds, DEFAULT_SEEDS))
+        return f"{used} seeds" if used >= usual else f"{used} of {usual} seeds"
+
+    def markdown(self, seeds: int) -> str:
+        """The table as Markdown, with seeds, machine and versions.
+
+        Args:
+            seeds: how many were asked for.
+        """
         head = f"{_line(self.columns)}|{'---|' * len(self.columns)}\n"
         body = "".join(_line([_cell(c) for c in row]) for row in self.rows)
         notes = "".join(f"- {note}\n" for note in self.notes)
         where = ", ".join(f"{k} {v}" for k, v in machine().items())
-        return f"### {self.title}\n\n`drakeplan bench {self.bench or self.name}`: {where}\n\n{head}{body}\n{notes}"
+        made = f"`drakeplan bench {self.bench or self.name}`, {self.used_seeds(seeds)}: {where}"
+        return f"### {self.title}\n\n{made}\n\n{head}{body}\n{notes}"
 
-    def text(self) -> str:
-        """The table for a terminal."""
+    def text(self, seeds: int) -> str:
+        """The table for a terminal, with its seeds.
+
+        Args:
+            seeds: how many were asked for.
+        """
         cells = [list(self.columns)] + [[_cell(c) for c in row] for row in self.rows]
         widths = [max(len(row[k]) for row in cells) for k in range(len(self.columns))]
         lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-        return "\n".join([self.title, *lines, *self.notes])
+        return "\n".join([f"{self.title} ({self.used_seeds(seeds)})", *lines, *self.notes])
 
 
 def spread(values: Sequence[float]) -> dict[str, float]:
@@ -150,14 +169,19 @@ def record(table: BenchTable, options: BenchOptions, database: Path) -> None:
         )
 
 
-def write_markdown(table: BenchTable, page: Path) -> None:
+def write_markdown(table: BenchTable, seeds: int, page: Path) -> None:
     """Puts the table into the page in place of the one of the same name, or at its end.
+
+    Args:
+        table: what was measured.
+        seeds: how many were asked for.
+        page: Markdown file, made when missing.
 
     Raises:
         InputError: the page is not text, or cannot be written.
     """
     text = read_page(page)
-    block = f"<!-- {table.name} -->\n{table.markdown()}<!-- end {table.name} -->\n"
+    block = f"<!-- {table.name} -->\n{table.markdown(seeds)}<!-- end {table.name} -->\n"
     pattern = re.compile(rf"<!-- {table.name} -->\n.*?<!-- end {table.name} -->\n", re.DOTALL)
     text = pattern.sub(lambda _: block, text) if pattern.search(text) else f"{text.rstrip()}\n\n{block}"
     write_whole(page, text.encode())

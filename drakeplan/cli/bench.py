@@ -69,7 +69,7 @@ def run(arguments: Arguments) -> int:
         for table in _run_one(name, arguments, page):
             tables.append(table)
             if not arguments.json:
-                print(table.text(), end="\n\n", flush=True)
+                print(table.text(arguments.seeds), end="\n\n", flush=True)
     if arguments.json:
         from drakeplan.bench.table import machine
         from drakeplan.cli.output import print_json
@@ -105,5 +105,5 @@ def _run_one(name: str, arguments: Arguments, page: Path | None) -> tuple[BenchT
             continue
         record(table, options, Path(arguments.database))
         if page is not None:
-            write_markdown(table, page)
+            write_markdown(table, arguments.seeds, page)
     return tables

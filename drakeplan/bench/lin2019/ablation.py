@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drakeplan.bench.lin2019.queries import LEARNED, LONG, PLANNERS, SCENES, SHORT, Query, mean, of
+from drakeplan.bench.lin2019.queries import ABLATION_SEEDS, LEARNED, LONG, PLANNERS, SCENES, SHORT, Query, mean, of
 from drakeplan.bench.table import BenchTable
 
 
@@ -29,7 +29,9 @@ def table(queries: Sequence[Query]) -> BenchTable:
         "transitions of the path to a state that is about to be expanded.",
     )
     title = "Planners at equal wall time"
-    return BenchTable("lin2019_ablation", title, columns, tuple(rows), notes, bench="lin2019")
+    return BenchTable(
+        "lin2019_ablation", title, columns, tuple(rows), notes, bench="lin2019", most_seeds=ABLATION_SEEDS
+    )
 
 
 def _by_seed(queries: Sequence[Query], scene: str, planner: str, seconds: float) -> dict[int, Query]:

@@ -86,6 +86,7 @@ def table(
         tuple(rows),
         (*_notes(series, learned, firsts, plans), _quiet(busy)),
         bench="lin2019",
+        most_seeds=None,
     )
 
 

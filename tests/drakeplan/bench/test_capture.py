@@ -70,7 +70,9 @@ def test_footholds_lie_on_their_own_side_and_within_reach(checker: CaptureChecke
     base = capture_rose.standing(checker.robot)
     for angle in np.linspace(0, 2 * np.pi, 12, endpoint=False):
         pushed = base.pushed(60.0 * np.array([np.cos(angle), np.sin(angle), 0.0]))
-        for foothold in capture_rose.footholds(pushed, checker.robot):
+        footholds = list(capture_rose.footholds(pushed, checker.robot))
+        assert footholds
+        for foothold in footholds:
             left = foothold.effector == "left_foot"
             other = base.stance.contacts[1 if left else 0]
             assert other is not None

@@ -232,7 +232,7 @@ def test_the_published_numbers_stand_below_ours_in_the_same_columns() -> None:
         2392.5,
         0.0173,
     )
-    assert len(table.rows) == 8 and table.markdown().count("|\n") == 10
+    assert len(table.rows) == 8 and table.markdown(50).count("|\n") == 10
 
 
 def test_planners_are_compared_at_equal_time_on_the_seeds_that_have_it() -> None:

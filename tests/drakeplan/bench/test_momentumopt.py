@@ -165,6 +165,8 @@ def test_without_a_case_the_table_says_so(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.slow
 @pytest.mark.skipif(not CASES, reason="DRAKEPLAN_CASES names no folder with momentumopt_demo01.json")
 def test_every_published_variant_is_matched_or_beaten() -> None:
-    for variant in read_case(Path(CASES or "") / momentumopt.FILE):
+    variants = read_case(Path(CASES or "") / momentumopt.FILE)
+    assert variants
+    for variant in variants:
         for row in compare(variant):
             assert row[VERDICT] in ("within", "lower"), row

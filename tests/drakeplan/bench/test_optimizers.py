@@ -136,11 +136,12 @@ def test_memory_is_what_was_touched() -> None:
     with peak_memory() as memory:
         block = np.ones(8_000_000)  # 64 MB
         del block
-    if not np.isnan(memory.rise):  # this system says
-        assert 55 < memory.rise < 120
-        with peak_memory() as little:
-            pass
-        assert little.rise < 5
+    if np.isnan(memory.rise):
+        pytest.skip("this system does not tell the peak of a process's memory")
+    assert 55 < memory.rise < 120
+    with peak_memory() as little:
+        pass
+    assert little.rise < 5
 
 
 def test_the_picture_has_a_line_for_each_method(tmp_path: Path) -> None:
@@ -150,7 +151,7 @@ def test_the_picture_has_a_line_for_each_method(tmp_path: Path) -> None:
         for solver in ("x", "y")
         for size in ("small", "large")
     ]
-    table = BenchTable("optimizers", "", optimizers.COLUMNS, tuple(rows))
+    table = BenchTable("optimizers", "", optimizers.COLUMNS, tuple(rows), most_seeds=0)
     figure = draw(table)
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["a, x, inner", "a, y, inner"]
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["small", "large"]
