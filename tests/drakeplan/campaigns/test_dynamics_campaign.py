@@ -78,11 +78,28 @@ def test_the_rows_of_a_task_do_not_depend_on_what_ran_before(rows) -> None:
 
 
 def test_rows_start_where_feasible_transitions_ended_or_were_shifted_from(rows) -> None:
-    ends = [np.concatenate([r["final_com"], r["final_velocity"]]) for r in rows if r["feasible"]]
+    """A walk starts at rest over its feet, and goes on in a stance from where a transition to that stance ended."""
+    height = np.array([0.0, 0.0, load_robot("escher").com_height[1]])
+    spread = {shift.name: shift for shift in SHIFTS}
+    ended: dict[tuple[int, Stance], list[np.ndarray]] = {}
+    seen: Counter[str] = Counter()
     for row in rows:
-        here = np.concatenate([row["com"], row["velocity"]])
-        if row["shift"] == "none" and row["expansion"] > 0:
-            assert min(np.abs(here - end).max() for end in ends) < 1e-12 or not np.any(row["velocity"])
+        before, after = stances(row)
+        if not any(scene == row["scene"] for scene, _ in ended):  # the first of its walk
+            ended[row["scene"], before] = [np.concatenate([before.feet_mean() + height, np.zeros(3)])]
+        assert (row["scene"], before) in ended, "no transition ended in this stance"
+        off = np.concatenate([row["com"], row["velocity"]]) - np.array(ended[row["scene"], before])
+        shift = spread[row["shift"]]
+        if shift.name == "none":
+            assert np.abs(off).max(axis=1).min() < 1e-12
+        else:
+            sigma = np.repeat([shift.com, shift.velocity[len(before.held) - 2]], 3)
+            assert 0.01 < np.abs(off / sigma).max(axis=1).min() < 6.0, "six standard deviations: never in a lifetime"
+        seen[shift.name] += 1
+        if row["feasible"]:
+            end = np.array([*row["final_com"], *row["final_velocity"]])
+            ended.setdefault((row["scene"], after), []).append(end)
+    assert set(seen) == set(spread)
 
 
 def test_categories_mirror_and_quota_are_kept(rows, table) -> None:
