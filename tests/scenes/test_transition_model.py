@@ -44,12 +44,19 @@ def test_a_model_of_one_s_own_is_read(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["mine: [[0.1, 0.2]]", "mine: [[0.1, .nan, 0]]", "other: [[0, 0, 0]]", "[1, 2]", "a: ["]
+    ("text", "complaint"),
+    [
+        ("mine: [[0.1, 0.2]]", r"rows of finite \[x, y, yaw\]"),
+        ("mine: [[0.1, .nan, 0]]", r"rows of finite \[x, y, yaw\]"),
+        ("other: [[0, 0, 0]]", "transition model 'mine'"),
+        ("[1, 2]", "named lists"),
+        ("a: [", "readable YAML"),
+    ],
 )
-def test_a_broken_model_file_is_one_clear_line(tmp_path, text: str) -> None:
+def test_a_broken_model_file_is_one_clear_line(tmp_path, text: str, complaint: str) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(text)
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=complaint) as error:
         TransitionModel.read(path, "mine")
     assert "\n" not in str(error.value)
 

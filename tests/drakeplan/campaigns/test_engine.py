@@ -226,7 +226,7 @@ def test_a_damaged_shard_is_made_again(damage: str, tmp_path: Path) -> None:
     told: list[CampaignProgress] = []
     collect(Toy(), tmp_path, CollectOptions(12, 7, 4), HereWorkers(Toy()), resume=True, listener=told.append)
     assert files(tmp_path) == expected
-    assert damage == "missing" or any("made again" in p.message for p in told)
+    assert any("made again" in p.message for p in told) == (damage != "missing")
 
 
 WIDER_SCHEMA = SCHEMA.append(pa.field("more", pa.int8()))
@@ -341,7 +341,7 @@ def test_where_no_task_succeeds_the_campaign_is_given_up(tmp_path: Path) -> None
         pytest.raises(InputError, match="no task succeeds; the last: ArithmeticError: no answer"),
     ):
         collect(campaign, tmp_path, CollectOptions(1000, 7, 4), workers)
-    assert not shard_paths(tmp_path) or len(shard_paths(tmp_path)) <= 2
+    assert len(shard_paths(tmp_path)) <= 2  # of 250
 
 
 def test_a_script_that_workers_cannot_load_is_told_so_and_no_task_is_blamed(tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def test_the_edge_cost_is_that_of_the_documents(ik) -> None:
     weights = DynamicWeights(distance=2.0, step=5.0, dynamics=0.3)
     dynamic, start = domain(ik, Cheap(), weights)
     states, costs = dynamic.successors(start)
+    assert len(states) > 10
     p = dynamic.contacts.pool.p
     for state, cost in zip(states, costs, strict=True):
         way = 0.5 * np.linalg.norm((p[state[0]] + p[state[1]] - p[start[0]] - p[start[1]])[:2])

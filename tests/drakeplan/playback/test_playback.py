@@ -159,6 +159,7 @@ def test_arrows_stand_at_the_pressure_and_are_as_long_as_the_force_is_great(stro
 @pytest.mark.parametrize("effector", range(4))
 def test_no_arrow_glides_from_one_contact_to_the_next(strolling_plan: Plan, effector: int) -> None:
     keys = animation._arrow_keys(strolling_plan, effector, animation.frame_times(strolling_plan.duration))
+    assert any(keys.shown)
     for k in range(1, len(keys.frame)):
         if keys.shown[k - 1] and keys.shown[k] and keys.frame[k] - keys.frame[k - 1] > 1:
             assert np.linalg.norm(keys.tail[k] - keys.tail[k - 1]) < 0.25  # never farther than a sole is long
@@ -206,6 +207,7 @@ def test_the_server_listens_on_this_machine_alone() -> None:
     with open("/proc/net/tcp", encoding="ascii") as table:
         rows = [line.split() for line in table][1:]
     listening = [row[1] for row in rows if row[3] == "0A" and int(row[1].split(":")[1], 16) == meshcat.port()]
+    assert listening
     assert all(address.startswith("0100007F:") for address in listening)  # 127.0.0.1
 
 

@@ -78,7 +78,9 @@ def test_without_the_exact_program_a_guess_stands(ik: WholeBodyIK) -> None:
     learned = LearnedDynamics(search.domain.pool, load_surrogate(ROBOT), None)
     assert search.dynamic is not None
     search.dynamic.evaluator = learned
-    search.dynamic.successors(search._start_state)
+    children, _ = search.dynamic.successors(search._start_state)
+    assert children
+    assert learned.asked["learned"] >= len(children)
     assert learned.asked["exact"] == 0
 
 
@@ -104,7 +106,9 @@ def test_what_was_not_learned_is_asked_of_the_exact_program_and_that_is_said(opt
 def test_more_grip_than_was_learned_from_is_judged_as_if_it_were_less(ik: WholeBodyIK) -> None:
     search = planner(dataclasses.replace(SHORT, terrain=Terrain((dataclasses.replace(FLOOR, friction=0.9),))), ik)
     assert search.dynamic is not None
-    search.dynamic.successors(search._start_state)
+    children, _ = search.dynamic.successors(search._start_state)
+    assert children
+    assert search.dynamic.evaluator.asked["learned"] >= len(children)
     assert search.dynamic.evaluator.asked["exact"] == 0
 
 

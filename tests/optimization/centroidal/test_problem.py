@@ -65,18 +65,19 @@ def test_unknown_cones_and_bad_options_are_refused():
     for mu in (-0.5, np.nan):
         with pytest.raises(InputError, match="friction"):
             standing(mu)
-    for change in (
-        {"dt": 0.0},
-        {"com_height": (1.0, 0.9, 1.1)},
-        {"max_iterations": 0},
-        {"force_limit": (0, 1, 1, 1)},
-        {"com_reach": (1, 1)},
-        {"angular_momentum_limit": (np.nan, 1, 1)},
-        {"final_half_width": (-1, 1, 1)},
-    ):
-        with pytest.raises(InputError):
-            CentroidalOptions(**change)
-    with pytest.raises(InputError):
+    wrong = {
+        "dt": 0.0,
+        "com_height": (1.0, 0.9, 1.1),
+        "max_iterations": 0,
+        "force_limit": (0, 1, 1, 1),
+        "com_reach": (1, 1),
+        "angular_momentum_limit": (np.nan, 1, 1),
+        "final_half_width": (-1, 1, 1),
+    }
+    for name, value in wrong.items():
+        with pytest.raises(InputError, match=name):
+            CentroidalOptions(**{name: value})
+    with pytest.raises(InputError, match="force"):
         CentroidalWeights(force=-1.0)
 
 

@@ -138,11 +138,7 @@ def test_forces_carry_the_weight_when_standing_still(solver):
 
 def test_the_pressure_centre_stays_under_a_com_that_stands_off_the_middle():
     data = problem(standing(), com=(0.03, 0.02, 0.9))
-    estimate = (
-        solve(data, com_tracking=None)
-        if False
-        else solve(replace(data, com_reference=np.tile(data.initial_com, (11, 1))))
-    )
+    estimate = solve(replace(data, com_reference=np.tile(data.initial_com, (11, 1))))
     t = estimate.trajectory
     assert estimate.feasible, estimate.reason
     p_cop = t.cop_C[:, :2] + np.array([[0, 0.1], [0, -0.1]])
@@ -291,7 +287,8 @@ def test_the_com_stays_in_its_box_over_the_feet_within_reach_and_ends_in_the_fin
     assert held.feasible, held.reason
     assert (np.abs(held.trajectory.com - reference)[1:] <= box[1:] + 1e-6).all()
     low = solve(data, com_height=(0.5, 0.8, 0.85), com_reach=(0.9, 0.9, 0.9, 0.9))
-    assert not low.feasible or low.trajectory.com[1:, 2].max() <= 0.85 + 1e-6
+    assert low.feasible, low.reason
+    assert low.trajectory.com[1:, 2].max() <= 0.85 + 1e-6 < free.trajectory.com[1:, 2].max()
     last = np.mean([c.p_WC for c in data.schedule.contacts[-2:]], axis=0) + 0.9 * UP
     assert (np.abs(free.trajectory.com[-1] - last) <= 0.12 + 1e-6).all()
 
@@ -359,12 +356,13 @@ def test_an_infeasible_problem_says_which_block_fails_and_where():
         assert "short" in estimate.reason
 
 
-def test_shorter_intervals_change_the_cost_little():
+def test_shorter_intervals_change_the_cost_little_and_ever_less():
+    """Backward Euler is of first order: half the interval leaves about half the error, here less than 3 % at 0.2 s."""
     stances = walk(2)
-    coarse, fine = (solve(walking(stances, dt=dt)) for dt in (0.2, 0.1))
-    assert coarse.feasible
-    assert fine.feasible
-    assert fine.cost == pytest.approx(coarse.cost, rel=0.2)
+    coarse, fine, finer = (solve(walking(stances, dt=dt)) for dt in (0.2, 0.1, 0.05))
+    assert coarse.feasible and fine.feasible and finer.feasible
+    assert fine.cost == pytest.approx(coarse.cost, rel=0.03)
+    assert abs(finer.cost - fine.cost) < 0.7 * abs(fine.cost - coarse.cost)
 
 
 @settings(max_examples=8)

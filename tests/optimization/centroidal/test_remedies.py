@@ -159,6 +159,7 @@ def test_the_steep_stone_in_a_walk_is_named_and_its_friction_is_enough():
     assert 0.12 < mu <= np.tan(STEEP) + 2 * GRID  # less where the CoM may be slowed down in that phase
 
     others = [c for r in report.remedies for c in r.changes if c.kind == "friction" and "contact 2)" in c.what]
+    assert others
     assert all(c.needed < mu for c in others if " and " in c.what)  # more contacts only where less is asked of each
 
     def stands(friction):

@@ -97,5 +97,5 @@ def test_programs_are_used_again_and_answers_are_counted() -> None:
 
 def test_stances_that_differ_in_two_feet_are_refused() -> None:
     stances = walk(2)
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match="differ in 2"):
         TailDynamics(ROBOT, transition_options(ROBOT)).solve(rest(stances[0]), [stances[0], stances[2]])

@@ -126,7 +126,7 @@ def test_dynamics_never_make_the_contacts_cheaper() -> None:
     assert with_momentum.feasible and with_momentum.cost >= plain.cost - 1e-3
 
 
-def test_a_free_palm_carries_nothing_and_a_held_one_pushes() -> None:
+def test_a_free_palm_carries_nothing_and_a_held_one_pushes_within_its_friction_cone() -> None:
     wall = Surface("wall", np.array([[-1, 0.55, 0.8], [2, 0.55, 0.8], [2, 0.55, 1.6], [-1, 0.55, 1.6]]), 0.6)
     wall = wall if wall.normal[1] < 0 else wall.flipped()
     q = query(Terrain((flat(0.5), wall)), Goal((0.1, 0.0, 0.0), 0.2))
@@ -136,12 +136,14 @@ def test_a_free_palm_carries_nothing_and_a_held_one_pushes() -> None:
         assert record.x is not None
         stances = program.steps.stances(record.x)
         assert (stances[-1].contacts[2] is not None) == held
-        for forces in program.momentum(record.x).force[3:]:
-            palm = [f for p, f in forces if p[2] > 0.3]
+        for forces in program.momentum(record.x).force[4:]:  # after the palm's turn
+            (palm,) = (f for p, f in forces if p[2] > 0.3)
+            push = palm @ wall.normal  # [M g]
             if not held:  # its point is anywhere on the wall then, its force is nothing
-                assert all(np.abs(f).max() < ATOL for f in palm)
+                assert np.abs(palm).max() < ATOL
             else:
-                assert all(f @ wall.normal > -ATOL for f in palm)
+                assert push > 0.05
+                assert np.linalg.norm(palm - push * wall.normal) <= wall.friction * push + ATOL
 
 
 def test_friction_forbids_what_is_too_steep_to_stand_on_at_rest() -> None:

@@ -201,7 +201,7 @@ def test_a_linear_program_finds_forces_that_balance_every_configuration() -> Non
         program = StaticEquilibriumProgram(carrying, ROBOT, "inner")
         middle = np.mean([c.p_WC[:2] for c in carrying], axis=0)
         nearer = com + GOOD_BALANCE * (middle - com) / max(np.linalg.norm(middle - com), GOOD_BALANCE)
-        assert program.is_balanced(com) or program.is_balanced(nearer)
+        assert program.is_balanced(nearer)
 
 
 def test_limits_are_never_left_and_the_strip_is_smoother_than_its_contacts_jump() -> None:
@@ -211,7 +211,7 @@ def test_limits_are_never_left_and_the_strip_is_smoother_than_its_contacts_jump(
     assert ((joints >= tree.lower) & (joints <= tree.upper)).all()
     u = estimate.q[:, 4:] - problem.q[:, 4:]
     assert np.abs(u).max() > 0.03
-    assert np.abs(np.diff(u, axis=0)).max() < 0.15
+    assert np.abs(np.diff(u, axis=0)).max() < 0.3 * np.abs(u).max()
 
 
 def test_the_gathering_of_two_feet_keeps_to_its_circle() -> None:
@@ -260,7 +260,7 @@ def test_a_plate_out_of_reach_breaks_the_strip_at_its_contact_and_the_best_so_fa
     terrain = plates((0.0,) * 5, (0.0,) * 5, (0.0, 0.0, 1.5, 0.0, 0.0))
     estimate = strip_on(terrain, problem_on(terrain)).solve()
     assert not estimate.feasible
-    assert "contact" in estimate.reason or "balance" in estimate.reason
+    assert "left_foot, contact 2: contact off" in estimate.reason
     missed = [f for f in estimate.faults if f.task == CONTACT]
     assert {2} <= {f.contact for f in missed}
     assert {f.about for f in missed if f.contact == 2} == {"left_foot"}

@@ -108,6 +108,7 @@ def test_every_derivative_is_that_of_central_differences(seed: int) -> None:
     air, h, nv = np.ones((1, 4), bool), 1e-6, len(q) - 1
     here = rows_at(ik, q[None], air)
     assert here.count[0] > 2
+    compared = 0
     for i in range(nv):
         v = np.zeros(nv)
         v[i] = h
@@ -120,7 +121,9 @@ def test_every_derivative_is_that_of_central_differences(seed: int) -> None:
             # Where the nearest point jumps from one corner to another there is no derivative.
             smooth = np.abs(ahead.gap + behind.gap - 2 * here.gap)[0, :m] < 1e-9
             assert smooth.sum() > 0.6 * m
+            compared += 1
             np.testing.assert_allclose(slope[smooth], here.J_gap[0, :m, i][smooth], atol=1e-4)
+    assert compared > 0.8 * nv
 
 
 def test_a_foot_on_the_ground_is_looked_at_only_when_it_should_be_in_the_air() -> None:

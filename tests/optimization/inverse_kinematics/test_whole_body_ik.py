@@ -1,12 +1,11 @@
 """Whole-body IK: every answer is measured again with Drake, and its failures are compared with SNOPT's."""
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numba import njit
 from pydrake.math import RotationMatrix
@@ -166,10 +165,10 @@ def test_a_stance_moved_and_turned_gives_the_same_posture_moved_and_turned(esche
     X[:3, 3] = rng.uniform(-20, 20, 3)
     here = escher.ik.solve(X_WE, active, region)
     there = escher.ik.solve(X @ X_WE, active, region @ X[:2, :2].T + X[:2, 3])
-    if here.iterations < 10:  # longer searches amplify rounding
-        assert here.ok == there.ok
-        np.testing.assert_allclose(there.q[7:], here.q[7:], atol=1e-5)
-        np.testing.assert_allclose(there.q[4:7], X[:3, :3] @ here.q[4:7] + X[:3, 3], atol=1e-5)
+    assume(here.iterations < 10)  # longer searches amplify rounding
+    assert here.ok == there.ok
+    np.testing.assert_allclose(there.q[7:], here.q[7:], atol=1e-5)
+    np.testing.assert_allclose(there.q[4:7], X[:3, :3] @ here.q[4:7] + X[:3, 3], atol=1e-5)
 
 
 def test_what_no_leg_can_reach_is_refused(escher):
@@ -322,11 +321,10 @@ def snopt_finds(setup, task):
     """Whether Drake's InverseKinematics finds a posture (verified), and the time of its first attempt [s]."""
     X_WE, active, region = task
     plant = setup.built.plant
-    world, first = plant.world_frame(), None
+    world = plant.world_frame()
     for drop in (0.0, 0.15):
         q_guess = setup.ik.model.q_nominal.copy()
         guess_posture(setup.ik.model, setup.ik.task(X_WE, active, region, None), drop, 0.0, q_guess)
-        started = time.perf_counter()
         context = plant.GetMyContextFromRoot(setup.built.new_context())
         program = InverseKinematics(plant, context, True)
         q, prog = program.q(), program.prog()
@@ -344,38 +342,19 @@ def snopt_finds(setup, task):
         prog.SetInitialGuess(q, q_guess)
         prog.SetInitialGuess(com, setup.ik.kinematics.com(q_guess))
         answer = SnoptSolver().Solve(prog).GetSolution(q)
-        first = time.perf_counter() - started if first is None else first
         position, angle, outside, beyond = setup.misses(task, answer)
         if position < 1.01e-3 and angle < np.deg2rad(0.21) and outside < 1e-4 and beyond < 1e-4:
-            return True, first
-    return False, first
+            return True
+    return False
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("num_contacts", [2, 3, 4])
-def test_few_postures_that_snopt_finds_are_missed(escher, num_contacts, capsys):
+def test_few_postures_that_snopt_finds_are_missed(escher, num_contacts):
     rng = np.random.default_rng(num_contacts)
-    ours, theirs, our_time, their_time = [], [], [], []
-    for _ in range(100):
-        task = random_stance(rng, num_contacts, reach=1.3)
-        once = []
-        for _ in range(3):
-            started = time.perf_counter()
-            answer = escher.ik.solve(*task)
-            once.append(time.perf_counter() - started)
-        found, seconds = snopt_finds(escher, task)
-        ours.append(answer.ok)
-        theirs.append(found)
-        our_time.append(min(once))
-        their_time.append(seconds)
-    ours, theirs, our_time = np.array(ours), np.array(theirs), np.array(our_time)
+    tasks = [random_stance(rng, num_contacts, reach=1.3) for _ in range(100)]
+    ours = np.array([escher.ik.solve(*task).ok for task in tasks])
+    theirs = np.array([snopt_finds(escher, task) for task in tasks])
     missed = np.sum(theirs & ~ours) / max(np.sum(theirs), 1)
-    with capsys.disabled():
-        print(
-            f"\n{num_contacts} contacts: found {ours.mean():.2f}, SNOPT {theirs.mean():.2f}, missed {missed:.3f}, "
-            f"only here {np.sum(ours & ~theirs)}; us found {1e6 * np.median(our_time[ours]):.0f}, "
-            f"not {1e6 * np.median(our_time[~ours]) if (~ours).any() else 0:.0f}; "
-            f"SNOPT ms {1e3 * np.median(their_time):.1f}"
-        )
     assert theirs.sum() > 50
-    assert missed <= 0.15
+    assert missed <= 0.02

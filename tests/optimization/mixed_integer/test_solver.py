@@ -192,7 +192,7 @@ def test_a_time_limit_gives_back_the_incumbent_marked_even_if_the_solver_ignores
     hangs = fake("hanging", "tell(data.cost(np.zeros(data.size)), -1.0, np.zeros(data.size))\ntime.sleep(60)")
     began = time.perf_counter()
     record = solve_mixed_integer(knapsack()[0], settings(hangs, time_limit=1.5))
-    assert time.perf_counter() - began < 15
+    assert time.perf_counter() - began < 30  # half of what the solver sleeps
     assert record.status == "time limit" and "time limit" in record.message
     assert record.x is not None and record.worst <= 1e-6
     assert record.bound == -1.0 and record.gap > 0
@@ -251,5 +251,5 @@ def test_a_nonlinear_program_is_refused() -> None:
 
 @pytest.mark.parametrize("options", [{"solver": "cplex"}, {"time_limit": np.nan}, {"gap": -1.0}])
 def test_settings_that_make_no_sense_are_refused(options: dict) -> None:
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=next(iter(options))):
         MixedIntegerSettings(**options)

@@ -21,7 +21,11 @@ def test_every_surface_moves_as_a_rigid_body_within_the_limits() -> None:
             assert (after.name, after.friction, after.effectors) == (before.name, before.friction, before.effectors)
             a, b = (s.vertices - s.centroid for s in (before, after))
             np.testing.assert_allclose(b @ b.T, a @ a.T, atol=1e-12)
-            assert np.linalg.det(np.linalg.lstsq(a, b, rcond=None)[0][:, :]) >= -1e-9
+            # With the normals the vertices span all of space, so the map between them is unique.
+            whole_a, whole_b = np.vstack([a, before.normal]), np.vstack([b, after.normal])
+            R = np.linalg.lstsq(whole_a, whole_b, rcond=None)[0]
+            np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
+            assert np.linalg.det(R) == pytest.approx(1.0)
             shifts.append(np.linalg.norm(after.centroid - before.centroid))
             turns.append(np.arccos(np.clip(before.normal @ after.normal, -1.0, 1.0)))
     assert 0.95 * MOST_SHIFT < max(shifts) <= MOST_SHIFT + 1e-12
