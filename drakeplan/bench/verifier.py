@@ -11,6 +11,7 @@ from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.timing.step_timing import Timing
 from drakeplan.verifier import Report
+from optimization.balance.friction import FrictionCone
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
 from scenes.library import NAMED_SCENES
@@ -28,7 +29,7 @@ TARGETS = {
 }
 MAX_SEEDS = 5
 DEADLINE = 30.0  # [s] of search
-QUICK = PlanOptions(dynamics="exact", cone="second_order", timing=Timing(0.3, 0.6))
+QUICK = PlanOptions(dynamics="exact", cone=FrictionCone.SECOND_ORDER, timing=Timing(0.3, 0.6))
 OPTIONS = {
     "slippery_slope": QUICK,
     "steep_slope": QUICK,
@@ -84,7 +85,9 @@ def run(options: BenchOptions) -> BenchTable:
         "actuators' limits"
     )
     columns = ("scene", "robot", "queries", "verified", *TARGETS)
-    return BenchTable("verifier", "Motions and the verifier's limits", columns, tuple(rows), tuple(notes))
+    return BenchTable(
+        "verifier", "Motions and the verifier's limits", columns, tuple(rows), tuple(notes), most_seeds=MAX_SEEDS
+    )
 
 
 def judge(robot: str, name: str, seed: int, options: BenchOptions) -> Judged:
