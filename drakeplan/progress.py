@@ -87,7 +87,12 @@ class ProgressPrinter:
 
 
 def format_event(event: ProgressEvent, elapsed: float) -> str:
-    """One line: time [s], stage, cost, bound, expansions, message; what is unknown is left out."""
+    """One line: time [s], stage, cost, bound, expansions, message; what is unknown is left out.
+
+    Args:
+        event: to show.
+        elapsed: time to show at the start of the line [s].
+    """
     parts = [f"[{elapsed:7.2f} s]", f"{event.stage:<8}"]
     if event.cost is not None:
         parts.append(f"cost {event.cost:.3f}")

@@ -80,7 +80,13 @@ class BadRowsError(ValueError):
 
 
 def identity(campaign: Campaign, seed: int, tasks_per_shard: int) -> CampaignIdentity:
-    """All that decides what the rows of this campaign are."""
+    """The campaign's name, version, seed and parameters, which determine its rows.
+
+    Args:
+        campaign: the source of rows.
+        seed: of all random numbers.
+        tasks_per_shard: tasks in one file.
+    """
     lines = schema_lines(campaign.schema)
     return CampaignIdentity(
         campaign.name, campaign.version, seed, tasks_per_shard, dict(campaign.parameters), lines
@@ -90,6 +96,10 @@ def identity(campaign: Campaign, seed: int, tasks_per_shard: int) -> CampaignIde
 def run_task(campaign: Campaign, task: Task) -> pa.Table:
     """The rows of one task as a table, checked; runs inside a worker.
 
+    Args:
+        campaign: the source of rows.
+        task: which of its tasks.
+
     Raises:
         BadRowsError: a column is missing, unknown, of the wrong type, null where it may not be, or not finite.
     """
@@ -97,7 +107,12 @@ def run_task(campaign: Campaign, task: Task) -> pa.Table:
 
 
 def rows_table(schema: pa.Schema, rows: Sequence[Row]) -> pa.Table:
-    """The rows as a table of this schema; raises as `run_task`."""
+    """The rows as a table of this schema; raises as `run_task`.
+
+    Args:
+        schema: columns of the table.
+        rows: one mapping from column to value each.
+    """
     columns: dict[str, list[Any]] = {name: [] for name in schema.names}
     for row in rows:
         if row.keys() != columns.keys():

@@ -53,7 +53,13 @@ class Card:
 
 
 def make_card(campaign: Campaign, folder: LabelFolder, tasks: int) -> Card:
-    """Describes the data in a folder and writes `card.json` beside it."""
+    """Describes the data in a folder and writes `card.json` beside it.
+
+    Args:
+        campaign: the source of the rows; its `count_by` columns are counted.
+        folder: with all its shards.
+        tasks: number of tasks in the campaign.
+    """
     shards, quarantined, rows = [], [], 0
     counts: dict[tuple[Any, ...], int] = {}
     for path, header in folder.headers().items():

@@ -24,20 +24,22 @@ PATIENCE = 120.0  # [s] for which a cluster may be without workers, while they a
 class ClusterWorkers:
     """Workers that a dask scheduler has, each with one thread and started with a nanny, which replaces those that die.
 
-    A worker that dies takes nothing with it: its tasks are run again elsewhere. When workers keep dying, dask blames every
-    task that they had, innocent ones too; each of these is then run alone, and one that dies alone is a failure. A task
-    that hangs ends its worker after `task_timeout`.
-
-    Args:
-        campaign: whose tasks they run; the workers need drakeplan in the same version.
-        address: of the scheduler, as `tcp://host:8786`.
-        task_timeout: wall time that one task may take [s].
+    The tasks of a worker that dies are run again elsewhere. When workers keep dying, dask marks every task that they
+    had as failed; each of these is then run alone, and one that dies alone is a failure. A task that hangs ends its
+    worker after `task_timeout`.
 
     Raises:
         InputError: dask is not installed, nobody answers at the address, or workers have more than one thread.
     """
 
     def __init__(self, campaign: Campaign, address: str, *, task_timeout: float = 600.0) -> None:
+        """Connects to the scheduler.
+
+        Args:
+            campaign: whose tasks are run; the workers need drakeplan in the same version.
+            address: of the scheduler, as `tcp://host:8786`.
+            task_timeout: wall time that one task may take [s].
+        """
         self.campaign, self.task_timeout = campaign, task_timeout
         self._client = _connect(address)
         threads = [worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values()]
@@ -113,7 +115,13 @@ class ClusterWorkers:
 
 
 def guarded_task(campaign: Campaign, task: Task, timeout: float) -> tuple[pa.Table, float]:
-    """As `timed_task`, but ends the process when it takes too long [s], even inside compiled code."""
+    """As `timed_task`, but ends the process when the task takes too long, even inside compiled code.
+
+    Args:
+        campaign: the source of rows.
+        task: which of its tasks.
+        timeout: wall time that the task may take [s].
+    """
     faulthandler.dump_traceback_later(timeout, exit=True)
     try:
         return timed_task(campaign, task)

@@ -80,7 +80,12 @@ class DynamicsCampaign:
         }
 
     def rows(self, seed: np.random.SeedSequence, task: int) -> Sequence[Row]:
-        """The labels of one environment."""
+        """The labels of one environment.
+
+        Args:
+            seed: of the task's random numbers.
+            task: its number in the campaign.
+        """
         rng = np.random.default_rng(seed)
         robot = load_robot(self.robot)
         for _ in range(ENVIRONMENT_DRAWS):
@@ -100,7 +105,14 @@ class DynamicsCampaign:
 
 
 def label_row(label: Label, walk: LabelWalk, environment: TiltedEnvironment, task: int) -> Row:
-    """One row of the data set."""
+    """One row of the data set.
+
+    Args:
+        label: one transition with the program's result.
+        walk: that the label comes from; it has the contacts by number and the program.
+        environment: in which the walk was made.
+        task: number of the environment's task.
+    """
     pool, state, estimate = walk.pool, label.state, label.estimate
     held = np.array(state.held) >= 0
     p, R, friction = np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), np.zeros(4)

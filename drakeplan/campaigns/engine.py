@@ -55,7 +55,7 @@ class CollectOptions:
 
 @dataclass(frozen=True)
 class CampaignProgress:
-    """How far a campaign is.
+    """Progress of a campaign.
 
     Attributes:
         tasks: ended, those of earlier sessions among them.

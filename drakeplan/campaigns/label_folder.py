@@ -30,17 +30,19 @@ CAMPAIGN_FILE, CARD_FILE, SESSIONS_FILE, LOCK_FILE = "campaign.json", "card.json
 class LabelFolder:
     """Shards of one campaign.
 
-    Args:
-        path: the folder; it is made where it does not exist.
-        identity: of the campaign.
-        resume: whether shards may be there already.
-
     Raises:
         InputError: the folder cannot be made or written, holds data and `resume` is not set, or holds data of a campaign
             with another identity.
     """
 
     def __init__(self, path: Path, identity: CampaignIdentity, *, resume: bool) -> None:
+        """Makes the folder, or checks the one that is there.
+
+        Args:
+            path: the folder; it is made where it does not exist.
+            identity: of the campaign.
+            resume: whether shards may be there already.
+        """
         self.path, self.identity = Path(path), identity
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -85,6 +87,11 @@ class LabelFolder:
 
     def write(self, shard: int, table: pa.Table, header: ShardHeader) -> None:
         """Adds a shard in one step.
+
+        Args:
+            shard: its number.
+            table: its rows.
+            header: facts of the shard that are stored with it.
 
         Raises:
             InputError: it cannot be written, because the disk is full for instance; the folder is as it was.

@@ -109,7 +109,7 @@ class WalkState:
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """What the exact program says of one branch.
+    """One branch with the result of the exact program.
 
     Attributes:
         state: where it starts.
@@ -144,6 +144,16 @@ class LabelWalk:
         self, environment: TiltedEnvironment, robot: Robot, ik: WholeBodyIK, dynamics: TransitionDynamics,
         options: WalkOptions, rng: np.random.Generator,
     ) -> None:  # fmt: skip
+        """Places the robot in the environment.
+
+        Args:
+            environment: terrain, starts and goal.
+            robot: that walks.
+            ik: its inverse kinematics.
+            dynamics: the exact program for one transition.
+            options: how the walk is made.
+            rng: source of all random choices.
+        """
         self.robot, self.dynamics, self.options, self.rng = robot, dynamics, options, rng
         packed = pack_terrain(environment.terrain)
         self.pool = ContactPool(packed)

@@ -57,7 +57,12 @@ class TiltedEnvironment:
 
 
 def draw_environment(rng: np.random.Generator, friction: float) -> TiltedEnvironment:
-    """A random environment; every surface has this friction."""
+    """A random environment.
+
+    Args:
+        rng: source of all random choices.
+        friction: Coulomb coefficient of every surface [-].
+    """
     ground, walls = _pick(rng, GROUNDS), _pick(rng, WALLS)
     surfaces = _GROUND[ground](rng)
     pitch, roll = (

@@ -67,19 +67,21 @@ class Workers(Protocol):
 class LocalWorkers:
     """Processes of this machine, one thread each (pebble, spawned).
 
-    A task that kills its process, takes longer than `task_timeout` or more than `memory` is answered with a failure; the
-    process is replaced. Workers end when this process does, even by kill -9.
-
-    Args:
-        campaign: whose tasks they run.
-        num_workers: how many processes.
-        task_timeout: wall time that one task may take [s].
-        memory: private memory that one process may hold [bytes].
+    A task that kills its process, or takes longer than `task_timeout` or more memory than `memory`, ends as a
+    failure; the process is replaced. Workers end when this process does, even by kill -9.
     """
 
     def __init__(
         self, campaign: Campaign, num_workers: int, *, task_timeout: float = 600.0, memory: int = MEMORY
     ) -> None:
+        """Starts the processes.
+
+        Args:
+            campaign: whose tasks are run.
+            num_workers: number of processes.
+            task_timeout: wall time that one task may take [s].
+            memory: private memory that one process may hold [bytes].
+        """
         if num_workers < 1:
             raise InputError(f"workers: expected 1 or more, got {num_workers}")
         self.campaign, self.num_workers, self.task_timeout = campaign, num_workers, task_timeout
@@ -143,7 +145,12 @@ class LocalWorkers:
 
 
 def timed_task(campaign: Campaign, task: Task) -> tuple[pa.Table, float]:
-    """The rows of a task and the processor time they took [s]; runs inside a worker."""
+    """The rows of a task and the processor time they took [s]; runs inside a worker.
+
+    Args:
+        campaign: the source of rows.
+        task: which of its tasks.
+    """
     began = time.process_time()
     table = run_task(campaign, task)
     return table, time.process_time() - began

@@ -22,7 +22,16 @@ def run_learning_curve(
     labels: LabelledTransitions, robot: Robot, out: Path, options: TrainingOptions, tell: Callable[[Progress], None],
     as_json: bool,
 ) -> int:  # fmt: skip
-    """Trains on each share, writes data and picture to `out`, and prints the table."""
+    """Trains on each share of the scenes, writes data and picture, prints the table and returns the exit status.
+
+    Args:
+        labels: all transitions with their labels.
+        robot: whose transitions they are.
+        out: folder for weights, data and picture.
+        options: of each training.
+        tell: receives progress.
+        as_json: whether to print JSON instead of the table.
+    """
     from drakeplan.cli.output import print_json
     from drakeplan.cli.training_pictures import draw_learning_curve
     from learning.training.learning_curve import learning_curve

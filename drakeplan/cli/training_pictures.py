@@ -31,7 +31,12 @@ def draw_training(folder: Path) -> Path:
 
 
 def draw_learning_curve(curve: LearningCurve, folder: Path) -> Path:
-    """`learning_curve.png`: each error over the rows trained on, with the fitted power law up to four times the rows."""
+    """`learning_curve.png`: each error over the rows trained on, with the fitted power law up to four times the rows.
+
+    Args:
+        curve: errors over rows.
+        folder: where the picture goes.
+    """
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 

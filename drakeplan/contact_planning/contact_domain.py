@@ -3,9 +3,9 @@
 A state is five integers: the contact numbers of left foot, right foot, left palm, right palm (-1: free), and the end
 effector that moved last, which may not move again at once. An action moves a foot, or makes, moves or breaks a palm.
 
-    edge cost  (3.2)   d_e + w_theta d_theta + w_s       translation of the mover, turn of the feet's mean, one step
-    heuristic  (6.7)   D (2 + 2 w_s / d_max)             D: torso box on the SE(2) grid, for the mean of the feet
-               (3.3)   the same with D the straight line
+    edge cost  (Lin 2020 eq. 3.2)   d_e + w_theta d_theta + w_s       translation of the mover, turn of the feet's mean, one step
+    heuristic  (Lin 2020 eq. 6.7)   D (2 + 2 w_s / d_max)             D: torso box on the SE(2) grid, for the mean of the feet
+               (Lin 2020 eq. 3.3)   the same with D the straight line
                admissible: feet only, straight line less the goal radius (a foot's translation moves the mean by half)
 
 What a move's own data decide (where the foot fits, whether legs reach, whether the torso is free) is cached by contact.
@@ -30,7 +30,7 @@ from scenes.terrain.packed_terrain import PackedTerrain
 
 State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
-BLAMED_OUT = 2  # failed motions after which a place is not used again
+BLAMED_OUT = 2  # motion failures near a place after which it is not used again
 SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
@@ -39,7 +39,7 @@ TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated
 
 @dataclass(frozen=True)
 class PlannerWeights:
-    """Weights of the edge cost (3.2), with the documents' values as defaults.
+    """Weights of the edge cost (Lin 2020 eq. 3.2), with the values of Lin 2020 as defaults.
 
     Attributes:
         step: w_s, cost of one transition [m].
@@ -101,7 +101,7 @@ class ContactDomain:
     # Search protocol -------------------------------------------------------------------------------------------
 
     def successors(self, state: State) -> tuple[Sequence[State], np.ndarray]:
-        """Every next stance that closed-form bounds allow, and its edge cost (3.2)."""
+        """Every next stance that closed-form bounds allow, and its edge cost (Lin 2020 eq. 3.2)."""
         states: list[State] = []
         costs: list[np.ndarray] = []
         last = state[4]
@@ -121,7 +121,7 @@ class ContactDomain:
         return estimate
 
     def distance_to_go(self, states: Sequence[State]) -> np.ndarray:
-        """(n,) way that the mean of the feet has to go, as the chosen heuristic measures it [m]."""
+        """(n,) distance to the goal of the mean of the feet, as the chosen heuristic measures it [m]."""
         mean, yaw = self._feet(states)
         straight = np.hypot(*(mean[:, :2] - self._goal_xy).T)
         if self._heuristic_name == "admissible":
@@ -149,7 +149,15 @@ class ContactDomain:
         return bool(abs(_wrap(yaw - self.goal.yaw)) <= GOAL_YAW_TOLERANCE)
 
     def confirm(self, parent: State, state: State) -> bool:
-        """Balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3)."""
+        """Checks balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3).
+
+        Args:
+            parent: the state before the transition.
+            state: the state after it.
+
+        Returns:
+            Whether the transition passes and was not forbidden before.
+        """
         if self.is_forbidden(parent, state):
             self.rejections["motion"] += 1
             return False
@@ -159,17 +167,29 @@ class ContactDomain:
         return not reason
 
     def is_forbidden(self, before: State, after: State) -> bool:
-        """Whether the motion stage refused this move, or this place again and again."""
+        """Whether the motion stage failed for this transition, or repeatedly near its new contact.
+
+        Args:
+            before: the state before the transition.
+            after: the state after it.
+        """
         return bool(self._forbidden) and (_move(before, after) in self._forbidden or self._spoiled(after[after[4]]))
 
     def forbid(self, before: State, after: State) -> None:
-        """Bars a move that the motion stage refused, whatever the palms do; where that happens again, the place goes."""
+        """Forbids a transition for which the motion stage failed, and after repeated failures the contacts near its new one.
+
+        A transition with other palm contacts but the same foot contacts is forbidden too.
+
+        Args:
+            before: the state before the transition.
+            after: the state after it.
+        """
         self._forbidden.add(_move(before, after))
         if after[after[4]] >= 0:
             self._blamed.append(after[after[4]])
 
     def _spoiled(self, made: int) -> bool:
-        """Whether contacts of this end effector near this one were blamed for a motion's failure repeatedly."""
+        """Whether the motion stage failed repeatedly for contacts of this end effector near this one."""
         blamed = [n for n in self._blamed if self.pool.effector[n] == self.pool.effector[made]]
         if made < 0 or len(blamed) < BLAMED_OUT:
             return False
@@ -279,7 +299,7 @@ class ContactDomain:
         return found
 
     def _cast_rays(self, left: int, right: int, side: int) -> np.ndarray:
-        """Numbers of the palm contacts seen from the approximated shoulder (eq. 3.1)."""
+        """Numbers of the palm contacts seen from the approximated shoulder (Lin 2020 eq. 3.1)."""
         _, rays = self._models[side]
         mean = 0.5 * (self.pool.p[left] + self.pool.p[right])
         yaw = float(_mean_yaw(self.pool.yaw[left], self.pool.yaw[right]))
@@ -300,14 +320,14 @@ class ContactDomain:
         return distance <= self.robot.arm_reach[1] + TORSO_SWAY
 
     def _shoulders(self, mean: np.ndarray, yaw: np.ndarray, side: int) -> np.ndarray:
-        """(n, 3) approximated shoulder points in W (eq. 3.1)."""
+        """(n, 3) approximated shoulder points in W [m] (Lin 2020 eq. 3.1)."""
         x, y, z = self._shoulder * [1.0, 1.0 if side == 0 else -1.0, 1.0]
         c, s = np.cos(yaw), np.sin(yaw)
         return mean + np.column_stack([c * x - s * y, s * x + c * y, np.full(len(c), z)])
 
 
 def _move(before: State, after: State) -> tuple[int, ...]:
-    """What a transition does, without the palms that only look on: mover, standing feet, old and new contact."""
+    """The part of a transition that identifies it: mover, contacts of the standing feet, old and new contact."""
     mover = after[4]
     return (mover, *(n for e, n in enumerate(before[:2]) if e != mover), before[mover], after[mover])
 

@@ -1,4 +1,4 @@
-"""What any planner of contacts is asked, and what it answers."""
+"""Options and results of any contact planner."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HeuristicName = Literal["grid", "euclidean", "admissible"]
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """What a query may ask of any planner; a planner leaves out what it has no use for.
+    """Options that a query passes to any planner; a planner ignores those that it does not need.
 
     Attributes:
         seed: of every random choice.

@@ -57,7 +57,15 @@ class ContactPool:
         return self._packed.friction[self.surface]
 
     def add(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: np.ndarray, surface: np.ndarray) -> np.ndarray:
-        """(n,) numbers of these contacts (n poses of one end effector); near duplicates get the number of the first."""
+        """(n,) numbers of these contacts; near duplicates get the number of the first.
+
+        Args:
+            effector: index into `EFFECTORS` of the one end effector of all n contacts.
+            p: (n, 3) contact points in W [m].
+            R: (n, 3, 3) contact frames in W.
+            yaw: (n,) headings [rad].
+            surface: (n,) surface indices.
+        """
         cells = np.round(p / CELL).astype(int).tolist()
         turns = np.round(yaw / TURN).astype(int).tolist()
         numbers = np.empty(len(p), int)

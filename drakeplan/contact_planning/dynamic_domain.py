@@ -25,7 +25,7 @@ VELOCITY_CELL = 0.1  # [m/s] given velocities nearer than this
 
 
 class Counted(Protocol):
-    """Whoever answers for dynamics, and counts what it was asked."""
+    """An evaluator of dynamics that counts the transitions it was asked about."""
 
     asked: Counter[str]  # transitions by who answered: "exact", "learned"
 

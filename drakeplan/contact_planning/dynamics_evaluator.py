@@ -1,4 +1,4 @@
-"""What a contact transition does to the centre of mass: asked of the exact program, or of what has learned it.
+"""The effect of a contact transition on the centre of mass: by the exact program, or by networks that learned it.
 
 Lin et al. 2019 sec. VI: a transition is judged on its own, from the CoM state in which the one before it ended.
 """
@@ -23,7 +23,7 @@ from scenes.stance import Stance
 
 @dataclass(frozen=True, eq=False)
 class TransitionEstimates:
-    """What is said of n transitions from one state.
+    """Estimates of n transitions from one state.
 
     Attributes:
         feasible: (n,) whether contact forces can bring it about.
@@ -39,14 +39,21 @@ class TransitionEstimates:
 
 
 class DynamicsEvaluator(Protocol):
-    """Judges every transition of one expansion in a batch."""
+    """Estimates the dynamics of all transitions of one expansion in a batch."""
 
     asked: Counter[str]  # transitions by who answered: "exact", "learned"
 
     def evaluate(
         self, before: Held, after: Sequence[Held], com: np.ndarray, velocity: np.ndarray
     ) -> TransitionEstimates:
-        """Estimates for moves from one stance with CoM (3,) [m] and its velocity (3,) [m/s] to each of several."""
+        """Estimates the transitions from one stance to each of several.
+
+        Args:
+            before: contact numbers by end effector, -1 where free.
+            after: n sets of contact numbers, each differing from `before` in one end effector.
+            com: (3,) CoM in W before the transition [m].
+            velocity: (3,) its velocity in W [m/s].
+        """
         ...
 
 
@@ -54,6 +61,13 @@ class ExactDynamics:
     """The centroidal program for each transition."""
 
     def __init__(self, pool: ContactPool, robot: Robot, options: CentroidalOptions | None = None) -> None:
+        """Prepares the programs.
+
+        Args:
+            pool: contacts by number.
+            robot: its mass, force limits and contact patches.
+            options: of the centroidal program; None: those of the robot.
+        """
         self.pool, self.robot = pool, robot
         self.dynamics = TransitionDynamics(robot, options)
         self.asked: Counter[str] = Counter()
@@ -61,7 +75,14 @@ class ExactDynamics:
     def evaluate(
         self, before: Held, after: Sequence[Held], com: np.ndarray, velocity: np.ndarray
     ) -> TransitionEstimates:
-        """One program per transition; the answers have been checked on recomputed numbers."""
+        """Solves one program for each transition; solutions are checked by evaluating the constraints again.
+
+        Args:
+            before: contact numbers by end effector, -1 where free.
+            after: n sets of contact numbers, each differing from `before` in one end effector.
+            com: (3,) CoM in W before the transition [m].
+            velocity: (3,) its velocity in W [m/s].
+        """
         n = len(after)
         feasible, cost = np.zeros(n, bool), np.full(n, np.inf)
         final_com, final_velocity = np.tile(com, (n, 1)), np.tile(velocity, (n, 1))
@@ -77,22 +98,31 @@ class ExactDynamics:
 
 
 class LearnedDynamics:
-    """The surrogate for all transitions at once; the exact program for those that it was not trained for.
-
-    Args:
-        surrogate: trained for this robot.
-        exact: answers where the surrogate's flag for what is far from its training data fires; None: nobody does, the
-            surrogate's guess stands.
-    """
+    """The surrogate for all transitions at once; the exact program for those outside the surrogate's training range."""
 
     def __init__(self, pool: ContactPool, surrogate: DynamicsSurrogate, exact: ExactDynamics | None) -> None:
+        """Prepares the estimates.
+
+        Args:
+            pool: contacts by number.
+            surrogate: trained for this robot.
+            exact: estimates the transitions that the surrogate flags as far from its training data; None: the
+                surrogate's own estimates are used for these as well.
+        """
         self.pool, self.surrogate, self.exact = pool, surrogate, exact
         self.asked: Counter[str] = Counter()
 
     def evaluate(
         self, before: Held, after: Sequence[Held], com: np.ndarray, velocity: np.ndarray
     ) -> TransitionEstimates:
-        """One pass through the networks, and a program for each transition that is far from what they have seen."""
+        """Evaluates the networks once for all transitions, and the exact program for those far from the training data.
+
+        Args:
+            before: contact numbers by end effector, -1 where free.
+            after: n sets of contact numbers, each differing from `before` in one end effector.
+            com: (3,) CoM in W before the transition [m].
+            velocity: (3,) its velocity in W [m/s].
+        """
         pool = self.pool
         batch = TransitionBatch.of_children(
             pool.p, pool.R, np.array(before), np.array(after), com, velocity, pool.frictions
@@ -111,5 +141,10 @@ class LearnedDynamics:
 
 
 def stance_of(pool: ContactPool, held: Held) -> Stance:
-    """The stance of these contact numbers, -1 where an end effector is free."""
+    """The stance of these contact numbers.
+
+    Args:
+        pool: contacts by number.
+        held: contact numbers by end effector, -1 where free.
+    """
     return Stance(tuple(None if n < 0 else pool.contact(n) for n in held))

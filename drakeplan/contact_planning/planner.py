@@ -1,4 +1,4 @@
-"""Whoever finds contacts: the Protocol that every planner keeps, and the registry of planners by name.
+"""The Protocol that every contact planner implements, and the registry of planners by name.
 
 Nothing heavy is imported here, so that `--help` can list the planners at once.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class ContactPlanner(Protocol):
-    """Finds contact sequences for one query. All that a query asks of whoever plans contacts."""
+    """Finds contact sequences for one query. All that a query needs of a contact planner."""
 
     setup_s: float
     """seconds it took to be made, the terrain packed where nobody had done that before"""
@@ -39,7 +39,7 @@ class ContactPlanner(Protocol):
         ...
 
     def forbid(self, plan: ContactPlan, transition: int) -> None:
-        """Bars a transition that failed a later, stricter check, so that the next plan goes another way.
+        """Forbids a transition that failed a later, stricter check, so that the next plan avoids it.
 
         Args:
             plan: one that this planner gave.
@@ -48,7 +48,7 @@ class ContactPlanner(Protocol):
         ...
 
     def require_static_balance(self, required: bool) -> bool:
-        """Asks, or asks no longer, that transitions pass their critical configurations at rest too.
+        """Sets whether transitions must also pass static balance at their critical configurations.
 
         Args:
             required: whether they must.

@@ -1,7 +1,7 @@
 """Contact sequences from mixed-integer programs and graphs of convex sets, for the same motion stage and verifier as search.
 
-A program knows surfaces and reach, not joints, balance or limbs. So every transition of its answer is put to the middle
-tier of truth (`transition_check.py`), as the search does with its states; where one fails, the reach on that pair of
+A program knows surfaces and reach, not joints, balance or limbs. So every transition of its answer is checked by
+inverse kinematics and balance (`transition_check.py`), as the search does with its states; where one fails, the reach on that pair of
 surfaces is narrowed, in the end to nothing, and the program is solved again until a sequence passes or time is up.
 The programs want the number of contacts (Lin et al. 2019 sec. VIII-C): it starts from the distance and grows.
 """
@@ -72,12 +72,12 @@ def _build(formulation: str, query: ContactQuery, options: FootstepOptions) -> _
 
 @dataclass
 class SolveCount:
-    """What a search would tell of itself.
+    """What the last run of the planner did, in the terms of a search.
 
     Attributes:
         expansions: programs solved.
         ended_by: as `AnaStar.ended_by`.
-        best_cost: of the sequences found, by the search's own measure (3.2).
+        best_cost: of the sequences found, by the search's own measure (Lin 2020 eq. 3.2).
     """
 
     expansions: int = 0
@@ -101,7 +101,7 @@ class SolveNote:
 
 
 class _Trial:
-    """Incumbents put to the middle tier as they come, and when to stop for what is known already."""
+    """Checks each incumbent as the solver finds it, and decides when the solver may stop."""
 
     def __init__(self, why_it_fails: Callable[[tuple[Stance, ...]], list[tuple[int, str]]], limits: Limits) -> None:
         self._why_it_fails, self._limits = why_it_fails, limits
@@ -189,7 +189,12 @@ class ProgramPlanner:
         return reason and f"start infeasible: {reason}"
 
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
-        """Yields one sequence that passes the middle tier, if there is one in time; resumes where it left off."""
+        """Yields one sequence whose transitions all pass the check, if there is one in time; a later call resumes.
+
+        Args:
+            limits: deadline [s], number of programs and cancellation, after which it ends.
+            clock: gives the time [s]; durations alone matter.
+        """
         began = clock()
         self._count = search = SolveCount()
         while self._attempts:
@@ -288,14 +293,14 @@ class ProgramPlanner:
         return None
 
     def why_it_fails(self, stances: tuple[Stance, ...]) -> list[tuple[int, str]]:
-        """(k, reason) for every transition from stances[k] to the next that fails the middle tier."""
+        """(k, reason) for every transition from stances[k] to the next that fails the transition check."""
         reasons = [self.check.transition(self._held(a), self._held(b)) for a, b in itertools.pairwise(stances)]
         return [(k, reason) for k, reason in enumerate(reasons) if reason]
 
     def _learn(
         self, failed: tuple[tuple[Stance, ...], list[tuple[int, str]]] | None, palms: tuple[int, ...], count: int
     ) -> tuple[str, ...]:
-        """Narrows the reach where the best sequence failed; smaller steps where nothing is left to narrow."""
+        """Narrows the reach where the best sequence failed; takes more contacts where it cannot be narrowed further."""
         if failed is None:
             return ()
         narrowed = self.query.narrowed
@@ -378,7 +383,7 @@ class ProgramPlanner:
         return tuple(states)
 
     def _cost(self, stances: tuple[Stance, ...]) -> float:
-        """The sequence's cost by the search's measure (3.2)."""
+        """The sequence's cost by the search's measure (Lin 2020 eq. 3.2)."""
         total = 0.0
         for before, after in itertools.pairwise(stances):
             mover = changed_effector(before, after)

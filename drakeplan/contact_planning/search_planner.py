@@ -142,7 +142,7 @@ class SearchPlanner:
             yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed, com, effort)
 
     def forbid(self, plan: ContactPlan, transition: int) -> None:
-        """Bars a transition that failed a later, stricter check, so that the next search avoids it.
+        """Forbids a transition that failed a later, stricter check, so that the next search avoids it.
 
         Args:
             plan: one that this planner gave.
@@ -151,7 +151,7 @@ class SearchPlanner:
         self.domain.forbid(plan.states[transition], plan.states[transition + 1])
 
     def require_static_balance(self, required: bool) -> bool:
-        """Asks that transitions whose dynamics are judged pass their critical configurations at rest too.
+        """Sets whether transitions with dynamics must also pass static balance at their critical configurations.
 
         Args:
             required: whether they must.

@@ -22,7 +22,13 @@ REST = 1.0  # [s] on the last stance
 
 
 def sequence_problem(robot: Robot, stances: Sequence[Stance], timing: Timing | None = None) -> CentroidalProblem:
-    """The centroidal problem of a contact sequence, from rest; a second at the end to come to rest again."""
+    """The centroidal problem of a contact sequence, from rest to rest, with `REST` on the last stance.
+
+    Args:
+        robot: its mass, contact patches and standing height.
+        stances: the sequence; consecutive ones differ in one end effector.
+        timing: of every transition; None: the default one.
+    """
     timing = timing or Timing()
     schedule = ContactSchedule.from_stances(
         stances, dt=timing.step or 0.2, shift_time=timing.shift, swing_time=timing.swing, settle_time=REST
@@ -44,7 +50,7 @@ def sequence_dynamics(
         robot: mass, patches and limits.
         stances: consecutive ones differ in one end effector.
         cone: friction cone.
-        timing: of every transition, by default the documents'.
+        timing: of every transition, by default that of Lin 2020 sec. 6.7.
     """
     timing = timing or Timing()
     options = timing.options(robot, cone, rest_at_end=True)

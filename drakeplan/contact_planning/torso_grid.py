@@ -47,6 +47,16 @@ class TorsoGrid:
         self, packed: PackedTerrain, robot: Robot, goal_xy: np.ndarray, goal_radius: float, goal_yaw: float | None,
         options: TorsoGridOptions | None = None,
     ) -> None:  # fmt: skip
+        """Prepares the grid around the terrain and the goal.
+
+        Args:
+            packed: the terrain.
+            robot: its torso box and greatest step height.
+            goal_xy: (2,) centre of the goal region in W [m].
+            goal_radius: of the goal region [m].
+            goal_yaw: heading at the goal about W's z [rad]; None: any.
+            options: resolution and costs.
+        """
         self.options = options or TorsoGridOptions()
         feet = packed.allowed[:, 0] | packed.allowed[:, 1]
         low = packed.low[feet, :2].min(axis=0) if feet.any() else np.zeros(2)
@@ -77,7 +87,13 @@ class TorsoGrid:
         )  # fmt: skip
 
     def distance(self, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-        """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no way."""
+        """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no path.
+
+        Args:
+            x: (n,) position in W [m].
+            y: (n,) position in W [m].
+            yaw: (n,) heading about W's z [rad].
+        """
         out = np.empty(len(x))
         _query(
             self._packed, self._ground, self._height, self._clear, self._cost, self._place, self._heap, self._size, self._origin,

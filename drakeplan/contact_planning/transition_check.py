@@ -2,8 +2,8 @@
 
 A transition is supported by the contacts that both stances share. At its first critical configuration the mover has
 just broken its old contact, at the second it is about to make the new one; at both the centre of mass must lie over
-the balance polygon of the support while every end effector is where its stance puts it. This is the middle tier of
-truth: fast whole-body inverse kinematics, asked when the search is about to expand a state, with every answer kept.
+the balance polygon of the support while every end effector is where its stance puts it. This is
+fast whole-body inverse kinematics, run when the search is about to expand a state; every result is cached.
 """
 
 from __future__ import annotations
@@ -29,11 +29,20 @@ LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion
 
 
 class TransitionCheck:
-    """Answers for one robot on one terrain, cached by contact numbers."""
+    """Checks transitions of one robot on one terrain; results are cached by contact numbers."""
 
     def __init__(
         self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: FrictionCone
     ) -> None:
+        """Prepares the check.
+
+        Args:
+            pool: contacts by number.
+            robot: its force limits and contact patches.
+            ik: inverse kinematics of this robot.
+            packed: the terrain, for collisions of the limbs.
+            cone: friction cone of every contact.
+        """
         self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
         self._careful_ik = _with_reserve(ik)
         self._limbs = limbs(ik.model.tree, ik.model.capsules)
@@ -68,7 +77,12 @@ class TransitionCheck:
         return self._posture(held, held, None)
 
     def transition(self, before: Held, after: Held) -> str:
-        """Why the step from one stance to the next cannot be made: "", "balance", "reach" or "collision"."""
+        """Why the step from one stance to the next cannot be made: "", "balance", "reach" or "collision".
+
+        Args:
+            before: contact numbers by end effector, -1 where free.
+            after: the same for the next stance, which differs in one end effector.
+        """
         support = tuple(a if a == b else -1 for a, b in zip(before, after, strict=True))
         if self.region(support) is None:
             return "balance"
@@ -82,15 +96,27 @@ class TransitionCheck:
         return reason
 
     def can_lift(self, held: Held, mover: int) -> str:
-        """Why this end effector cannot be lifted: the first critical configuration, shared by all its moves."""
+        """Why this end effector cannot be lifted: "", "balance", "reach" or "collision".
+
+        This is the first critical configuration of a transition, shared by all transitions that move this end
+        effector.
+
+        Args:
+            held: contact numbers by end effector, -1 where free.
+            mover: index into `EFFECTORS` of the one to lift.
+        """
         support = (*held[:mover], -1, *held[mover + 1 :])
         return self._posture(held, support, self._seeds.get(held))
 
     def at_com(self, held: Held, com: np.ndarray) -> str:
-        """Why the body cannot hold these contacts with its CoM over (3,) `com`: "", "reach", "balance" or "collision".
+        """Why no posture has these contacts and its CoM over this point: "", "reach", "balance" or "collision".
 
-        Balance is not asked for: in motion the dynamics decide it. The CoM may be `COM_ROOM` off, since what a single
-        transition leaves open the whole sequence decides.
+        Static balance is not required: in motion the dynamics decide. The CoM may lie anywhere in a square of half
+        width `COM_ROOM` around the point, since the dynamics of the whole sequence will move it.
+
+        Args:
+            held: contact numbers by end effector, -1 where free.
+            com: (3,) CoM in W [m]; its height is not used.
         """
         cell = tuple(np.round(com[:2] / (0.5 * COM_ROOM)).astype(int).tolist())
         known = self._at_com.get((held, cell))
@@ -102,7 +128,12 @@ class TransitionCheck:
         return known[0]
 
     def posture(self, held: Held, support: Held) -> np.ndarray | None:
-        """(nq,) the configuration found for these contacts over this support, None if there is none."""
+        """(nq,) the configuration found for these contacts over this support, None if there is none.
+
+        Args:
+            held: contact numbers of the end effectors in place, -1 where free.
+            support: contact numbers of those that carry load, -1 elsewhere.
+        """
         reason, q = self._postures.get((held, support), ("unknown", np.zeros(0)))
         return None if reason else q
 
@@ -159,7 +190,7 @@ class TransitionCheck:
 
 
 def _with_reserve(ik: WholeBodyIK) -> WholeBodyIK:
-    """The same inverse kinematics with leg joints that leave the motion between postures some room."""
+    """The same inverse kinematics with narrower ranges of the leg joints, so that the motion between postures has some range left."""
     tree = ik.model.tree
     reserve = np.zeros(len(tree.lower))
     for foot in (0, 1):

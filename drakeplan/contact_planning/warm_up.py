@@ -20,7 +20,12 @@ from scenes.terrain.terrain import Box, Terrain
 def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     """Plans a few steps along a wall; the first time on a machine it compiles for a while, then it takes milliseconds.
 
-    At rest, and with learned dynamics where there are any: kernels compiled within a query would use up its deadline.
+    It plans with quasi-static balance, and with learned dynamics where weights exist: kernels compiled within a query
+    would use up its deadline.
+
+    Args:
+        robot: whose kernels and networks are loaded.
+        ik: its inverse kinematics.
     """
     floor = Surface("floor", np.array([[-1.0, -1, 0], [2, -1, 0], [2, 1, 0], [-1, 1, 0]]))
     height = robot.shoulder[2]

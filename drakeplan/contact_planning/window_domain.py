@@ -28,7 +28,7 @@ HEURISTIC_WEIGHT = 200.0  # of the search until there is a first path: g counts 
 
 @dataclass(eq=False)
 class _Window:
-    """The end of a path, and what its program said once it was asked.
+    """The last stances of a path, and the result of its program once it was solved.
 
     Attributes:
         start: the body's state when the first stance's shift begins.
@@ -37,6 +37,9 @@ class _Window:
         cost: least objective of all transitions of the window.
         second: state at the second stance, which the windows that follow a full one start from.
         end: state at the last stance.
+
+    Args:
+        reason: why these transitions cannot be made in a row, "" if they can, None before the program was solved.
     """
 
     start: BodyState
@@ -48,7 +51,7 @@ class _Window:
 
 
 class WindowDomain(DynamicDomain):
-    """States that carry the window of transitions behind them, with late costs.
+    """States that carry the window of transitions behind them; dynamics are charged when a state is confirmed.
 
     Attributes:
         window: transitions that are solved together.
@@ -118,7 +121,7 @@ class WindowDomain(DynamicDomain):
         return window.reason
 
     def late_cost(self, state: State) -> float:
-        """What the dynamics add to the cost of the edge to a confirmed state (6.6)."""
+        """What the dynamics add to the cost of the edge to a confirmed state (Lin 2020 eq. 6.6)."""
         window = self._windows[state[5]]
         return self.costs.weights.dynamics * window.cost / (len(window.held) - 1)
 

@@ -87,7 +87,7 @@ class DeformOptions:
 
 @dataclass(frozen=True, eq=False)
 class DeformResult:
-    """What came of a deformation.
+    """The result of a deformation.
 
     Attributes:
         status: "complete" (the verifier holds), "contacts" (the strip holds, its motion does not or was not asked for),
@@ -148,7 +148,7 @@ def _check_surfaces(plan: Plan, scene: Scene) -> None:
 
 
 class _Deformation:
-    """One plan on one scene, with the blame laid so far."""
+    """One plan on one scene, with the penalties added so far."""
 
     def __init__(self, plan: Plan, scene: Scene, robot: Robot, options: DeformOptions) -> None:
         self.plan, self.scene, self.robot, self.options = plan, scene, robot, options
@@ -200,14 +200,14 @@ class _Deformation:
         return None
 
     def _choose(self) -> list[Choice]:
-        """Where each contact goes: the nearest place, counting what was added for those that did not do."""
+        """The region of each contact: the nearest, with penalties added for regions that failed before."""
         places = zip(self.planned, self.choices, self.penalty, strict=True)
         return [choose_region(contact, regions, self.packed, penalty) for contact, regions, penalty in places]
 
     def _choose_again(
         self, chosen: list[Choice], blamed: dict[int, float], tried: set[tuple[int, ...]]
     ) -> list[Choice]:
-        """Other places, the blamed contacts' made to look further until something new comes up; none if nothing does."""
+        """Other regions: the penalties of the contacts at fault grow until the choice changes; none if it does not."""
         for _ in range(MAX_PENALTIES):
             for c, share in blamed.items():
                 surface = chosen[c][0].surface
@@ -218,7 +218,7 @@ class _Deformation:
         return []
 
     def _attempt(self, chosen: list[Choice]) -> tuple[DeformResult, dict[int, float]]:
-        """One strip and what follows; with the contacts whose places are to blame where it fails."""
+        """Solves one strip, then motion and verification; on failure also returns the contacts at fault."""
         strip = self._deform_strip(chosen)
         if not strip.feasible:
             return DeformResult("strip", strip.reason, None, strip, None, dict(self.report)), self._blame(strip)
@@ -276,7 +276,7 @@ class _Deformation:
         return DeformResult(status, reason, self._assemble(stances, motion), strip, report, dict(self.report))
 
     def _blame(self, strip: StripEstimate) -> dict[int, float]:
-        """Contacts at which a strip breaks, and how much each is to blame: those missed, and whatever is held there."""
+        """Contacts at which a strip fails, with their shares of the fault: contacts missed, and those held there."""
         blamed: dict[int, float] = {}
         worst = strip.faults[0].value / strip.faults[0].limit
         for fault in strip.faults:

@@ -46,7 +46,12 @@ class Sampling:
 
 
 def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
-    """Loads the compiled kernels, so that no deadline pays for it."""
+    """Loads the compiled kernels of the elastic strip, so that their compilation does not count towards a deadline.
+
+    Args:
+        robot: whose kernels are loaded.
+        ik: its inverse kinematics.
+    """
     plate = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
     ceiling = plate[::-1] + np.array([0.1, 0.0, 0.05])
     packed = pack_terrain(terrain_from([Surface("plate", plate), Surface("ceiling", ceiling)]))
@@ -87,8 +92,12 @@ def contact_choices(
     """Circles within reach that this contact could move to, with its heading, sorted by surface.
 
     Args:
-        cone: friction cone where the contact must carry the robot alone, which steep surfaces do not let it;
-            None where it need not.
+        contact: of the plan that is deformed.
+        robot: its contact patches.
+        packed: the new terrain.
+        sampling: the reach and the turn allowed.
+        cone: friction cone where the contact must carry the robot alone, which steep surfaces do not allow; None
+            elsewhere.
     """
     spec = next(e for e in robot.effectors if e.name == contact.effector)
     x, y, reach = contact.p_WC[0], contact.p_WC[1], sampling.furthest
@@ -117,8 +126,10 @@ def choose_region(
     """The contact projected into its nearest region, and the circles of that surface.
 
     Args:
+        contact: of the plan that is deformed.
         regions: at least one.
-        penalty: surface -> what it adds to the distance, where contacts were found not to do [m].
+        packed: the new terrain.
+        penalty: surface index -> what it adds to the distance, for surfaces that failed before [m].
     """
     more = np.array([penalty.get(int(s), 0.0) for s in regions.surface])
     surface = int(regions.surface[np.argmin(regions.distance(contact.X_WC) + more)])
@@ -132,7 +143,15 @@ def make_problem(
     plan: Plan, scene: Scene, planned: tuple[Contact, ...],
     chosen: Sequence[tuple[Contact, ContactRegions]], sampling: Sampling,
 ) -> StripProblem:  # fmt: skip
-    """The strip of a complete plan whose contacts go where `chosen` says."""
+    """The elastic-strip problem of a complete plan whose contacts move to given regions.
+
+    Args:
+        plan: complete, with phases and motion.
+        scene: the new scene, with start and goal.
+        planned: the plan's contacts.
+        chosen: for each of them the new contact and the circles in which it may move.
+        sampling: which configurations make the strip.
+    """
     phases, motion = complete_parts(plan)
     frames, phase, share, boundary = _samples(phases, motion.t, sampling.per_phase)
     table = phases.contact

@@ -45,7 +45,12 @@ class Problem:
 
 
 def mean_velocities(q: np.ndarray, step: float) -> np.ndarray:
-    """(T - 1, nv) velocity that takes each frame of q (T, nq) to the next in `step` seconds."""
+    """(T - 1, nv) velocity that takes each frame to the next, in Drake's order.
+
+    Args:
+        q: (T, nq) positions, Drake's order.
+        step: time between frames [s].
+    """
     d = np.empty((len(q) - 1, q.shape[1] - 1))
     for t in range(len(d)):
         difference(q[t], q[t + 1], d[t])
@@ -53,10 +58,14 @@ def mean_velocities(q: np.ndarray, step: float) -> np.ndarray:
 
 
 def velocities(q: np.ndarray, step: float) -> np.ndarray:
-    """(T, nv) velocity at each frame of q (T, nq): that of the cubic spline through the frames, at rest at both ends.
+    """(T, nv) velocity at each frame: that of the cubic spline through the frames, at rest at both ends.
 
     Its slopes follow from continuous accelerations, v[k-1] + 4 v[k] + v[k+1] = 3 (d[k-1] + d[k]) with d the mean
     velocities (de Boor 1978, ch. IV); turns of the base over a frame are small enough to add like vectors.
+
+    Args:
+        q: (T, nq) positions, Drake's order.
+        step: time between frames [s].
     """
     v = np.zeros((len(q), q.shape[1] - 1))
     if len(q) > 2:
@@ -68,7 +77,12 @@ def velocities(q: np.ndarray, step: float) -> np.ndarray:
 
 
 def transition_of(schedule: Schedule, t: np.ndarray) -> np.ndarray:
-    """(n,) the transition that the phases at times t serve: shifts serve the swing that follows."""
+    """(n,) the transition that the phases at these times serve: a shift belongs to the swing that follows.
+
+    Args:
+        schedule: the phases.
+        t: (n,) times [s].
+    """
     return np.minimum(schedule.phase_at(t) // 2, max(len(schedule.stances) - 2, 0))
 
 
@@ -83,9 +97,11 @@ def find_problems(
     """Every violation of a motion, the worst of each kind in each transition.
 
     Args:
-        t: (T,) [s].
-        q: (T, nq).
-        planned_com: (T, 3) of the momentum trajectory, interpolated linearly as the verifier does [m].
+        kinematics: of the robot.
+        schedule: the phases, with their contacts.
+        t: (T,) times [s].
+        q: (T, nq) positions, Drake's order.
+        planned_com: (T, 3) CoM of the momentum trajectory in W [m], interpolated linearly as the verifier does.
         met: pairs of bodies that come near each other, in all frames.
     """
     transition = transition_of(schedule, t)
@@ -124,7 +140,14 @@ def find_problems(
 
 
 def held_error(schedule: Schedule, t: np.ndarray, X_WE: np.ndarray, effector: int) -> np.ndarray:
-    """(T,) how far an end effector (T, 4, 4) is from what it holds, 1 rad counting `LEVER` [m]; 0 where it is free."""
+    """(T,) distance of an end effector from the contact that it holds [m], 1 rad counting `LEVER`; 0 where it is free.
+
+    Args:
+        schedule: the phases, with their contacts.
+        t: (T,) times [s].
+        X_WE: (T, 4, 4) poses of the end effector in W.
+        effector: its index into `EFFECTORS`.
+    """
     error = np.zeros(len(t))
     for phase in schedule.phases:
         c = phase.contacts[effector]

@@ -17,23 +17,34 @@ from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.kinodynamic.joint_torques import TorqueRows
 from scenes.robots.robot import Robot
 
-# Lin 2020 sec. 6.7, with a pull towards the key postures that the documents do not have: without it the CoM takes
+# Lin 2020 sec. 6.7, with a pull towards the key postures that Lin 2020 does not have: without it the CoM takes
 # the least effort over the feet, wherever the legs reach.
 WEIGHTS = CentroidalWeights(com_tracking=2e4)
 BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
 
 
 def centroidal_options(robot: Robot, cone: FrictionCone, dt: float) -> CentroidalOptions:
-    """The limits of a robot as options of the centroidal program."""
+    """The limits of a robot as options of the centroidal program.
+
+    Args:
+        robot: its limits.
+        cone: friction cone of every contact.
+        dt: step of the momentum trajectory [s].
+    """
     # The last key posture says where the CoM ends.
     return replace(CentroidalOptions.for_robot(robot, cone), dt=dt, weights=WEIGHTS, final_half_width=None)
 
 
 def monotone_course(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(N, m) continuously differentiable course through key_x (n, m) at key_t (n,), at rest at both ends.
+    """(N, m) continuously differentiable course through given points, at rest at both ends.
 
     It does not overshoot: slopes are the harmonic mean of the secants where both go the same way, else zero (Fritsch &
     Butland 1984).
+
+    Args:
+        key_t: (n,) times of the points [s], ascending.
+        key_x: (n, m) the points.
+        t: (N,) times at which to evaluate the course [s].
     """
     slope = np.zeros_like(key_x)
     secant = np.diff(key_x, axis=0) / np.diff(key_t)[:, None]
@@ -45,7 +56,7 @@ def monotone_course(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.n
 
 @dataclass(frozen=True, eq=False)
 class ComCourse:
-    """Where the CoM has to be when, for sequences that no quasi-static walk can follow.
+    """CoM trajectory to follow, for sequences that no quasi-static walk can follow.
 
     Attributes:
         t: (N,) [s].
@@ -60,19 +71,35 @@ class ComCourse:
         return CubicSpline(self.t, self.com)(np.clip(t, self.t[0], self.t[-1]))
 
     def meeting(self, key_t: np.ndarray, key_com: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """(N, 3) the course bent to where the CoM of key postures (n, 3) is at key_t (n,) [m]."""
+        """(N, 3) the course in W [m], changed so that it passes through the CoM of the key postures.
+
+        Args:
+            key_t: (n,) times of the key postures [s].
+            key_com: (n, 3) their CoM in W [m].
+            t: (N,) times at which to evaluate the course [s].
+        """
         return self.at(t) + monotone_course(key_t, key_com - self.at(key_t), t)
 
 
 class SequenceDynamics:
-    """Forces and momenta over one whole sequence, from rest to rest, as often as somebody asks.
+    """Forces and momenta over one whole sequence, from rest to rest; can be solved repeatedly with new references.
 
     Attributes:
         contacts: which of them may carry load when.
+
+    Args:
+        contacts: the contacts that may carry load in each interval.
     """
 
     def __init__(self, robot: Robot, schedule: Schedule, cone: FrictionCone, dt: float) -> None:
-        """`dt` [s] must divide every phase."""
+        """Prepares the contact schedule of the programs.
+
+        Args:
+            robot: its mass, limits and contact patches.
+            schedule: the phases.
+            cone: friction cone of every contact.
+            dt: step of the momentum trajectory [s]; it must divide every phase.
+        """
         self._robot, self._usual = robot, centroidal_options(robot, cone, dt)
         t = schedule.times(dt)
         self.contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
@@ -111,7 +138,13 @@ class SequenceDynamics:
     def problem(
         self, reference: np.ndarray, spin: np.ndarray, half: np.ndarray | tuple[float, ...]
     ) -> CentroidalProblem:
-        """The data: CoM reference (N, 3), angular momentum (N, 3) to stay near and half widths of the CoM's bounds."""
+        """The data of the centroidal program.
+
+        Args:
+            reference: (N, 3) CoM in W to stay near [m].
+            spin: (N, 3) angular momentum about the CoM in W to stay near [N m s].
+            half: half widths of the CoM's bounds around the reference along W's axes [m], (3,) or (N, 3).
+        """
         return CentroidalProblem(
             schedule=self.contacts,
             mass=self._robot.mass,
@@ -138,6 +171,11 @@ class SequenceDynamics:
 
 
 def relaxed(options: CentroidalOptions, factor: float) -> CentroidalOptions:
-    """The same options with a CoM that is pulled `factor` times as hard to its reference."""
+    """The same options with the weight of CoM tracking multiplied by a factor.
+
+    Args:
+        options: the options to change.
+        factor: multiplies the weight [-].
+    """
     weights = replace(options.weights, com_tracking=options.weights.com_tracking * factor)
     return replace(options, weights=weights)

@@ -60,7 +60,7 @@ HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits some
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What all motions of a robot on a terrain share.
+    """The robot, terrain and options shared by all motions of a query.
 
     Attributes:
         robot: whose.
@@ -98,7 +98,15 @@ class MotionFrames:
     def __init__(
         self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics, com_course: ComCourse | None = None
     ) -> None:  # fmt: skip
-        """With a `com_course` the CoM follows it from key posture to key posture; without, it takes the shortest way."""
+        """Prepares the frames and plans the course through the key postures.
+
+        Args:
+            setting: robot, terrain and options.
+            schedule: the phases.
+            keys: one posture for each phase boundary.
+            dynamics: the centroidal program of the sequence.
+            com_course: CoM to follow from key posture to key posture; None: the CoM takes the shortest way.
+        """
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)

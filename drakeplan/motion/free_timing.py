@@ -56,7 +56,15 @@ def free_durations(
 
 
 def round_to_grid(durations: np.ndarray, step: float, total: float) -> np.ndarray:
-    """Multiples of `step`, at least one each, as near as a sum of at most `total` allows; largest remainders first."""
+    """Durations rounded to multiples of a step, at least one step each, whose sum is at most a given total.
+
+    Durations are rounded down; what is left of the total goes to those with the largest remainders.
+
+    Args:
+        durations: (n,) durations [s].
+        step: the grid [s].
+        total: greatest sum [s], a multiple of `step`.
+    """
     steps = np.maximum(np.floor(durations / step + 1e-6), 1.0)
     left = round(total / step) - int(steps.sum())
     remainder = durations / step - steps
@@ -67,7 +75,14 @@ def round_to_grid(durations: np.ndarray, step: float, total: float) -> np.ndarra
 
 
 def effort(robot: Robot, schedule: Schedule, cone: FrictionCone, trajectory: CentroidalTrajectory) -> float:
-    """The documents' objective of a trajectory over these contacts (Lin 2020 sec. 6.3), with no reference to pull it."""
+    """Objective of a trajectory over these contacts (Lin 2020 sec. 6.3), without the term that tracks a reference.
+
+    Args:
+        robot: its mass and contact patches.
+        schedule: the phases.
+        cone: friction cone of every contact.
+        trajectory: momenta and forces to evaluate.
+    """
     program = CentroidalProgram(_problem(robot, schedule, trajectory.t), _options(robot, cone))
     return whole_cost(program.data, trajectory)
 

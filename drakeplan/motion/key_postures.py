@@ -68,9 +68,15 @@ class KeyPostures:
 
 
 class BalanceRegions:
-    """Balance polygons of sets of contacts, each worked out once."""
+    """Balance polygons of sets of contacts, each computed once."""
 
     def __init__(self, robot: Robot, cone: FrictionCone) -> None:
+        """Prepares an empty cache.
+
+        Args:
+            robot: its force limits and contact patches.
+            cone: friction cone of every contact.
+        """
         self._robot, self._cone = robot, cone
         self._known: dict[tuple[Contact, ...], np.ndarray] = {}
 
@@ -93,7 +99,12 @@ class BalanceRegions:
 
 
 def inset(region: np.ndarray, margin: float) -> np.ndarray:
-    """(V, 2) the convex region without a rim of this width [m], CCW; V = 0 where nothing is left."""
+    """(V, 2) the region reduced by a margin along its edge, counter-clockwise [m]; V = 0 where nothing is left.
+
+    Args:
+        region: (V, 2) corners of a convex polygon in W's horizontal plane [m].
+        margin: width to remove [m].
+    """
     if margin <= 0.0:
         return region
     inner = shapely.Polygon(region).buffer(-margin, join_style="mitre")
@@ -101,7 +112,13 @@ def inset(region: np.ndarray, margin: float) -> np.ndarray:
 
 
 def resting_point(region: np.ndarray, toward: np.ndarray, margin: float = MARGIN) -> np.ndarray:
-    """(2,) point of the region, `margin` inside its edge where it is wide enough, that is nearest to `toward` [m]."""
+    """(2,) the point of the region inside the margin that is nearest to a given point [m].
+
+    Args:
+        region: (V, 2) corners of a convex polygon in W's horizontal plane [m].
+        toward: (2,) the given point [m].
+        margin: distance to keep from the edge [m], less where the region is too narrow.
+    """
     inner = inset(region, margin)
     while not len(inner) and margin > 1e-3:
         margin *= 0.7
@@ -124,13 +141,20 @@ def solve_key_postures(
     spread: float = SPREAD,
     com_course: ComCourse | None = None,
 ) -> KeyPostures:
-    """Solves all of them together, moves bodies apart that come too near each other or the terrain, retries what fails.
+    """Solves all key postures together, moves bodies apart that are too near each other or the terrain, retries failures.
 
-    `spread` is the distance [m] that arms which hang free keep from everything. A `com_course` says where the CoM must be,
-    whether or not it could rest there.
+    The first attempt asks for the CoM well inside the balance polygon. Where the legs do not reach that, the
+    planner's own inverse kinematics finds how far the CoM can come, and the posture is computed from there.
 
-    The first try wants the CoM well inside what the contacts balance. Where the legs do not reach that, the planner's
-    own inverse kinematics says how far the CoM can come, and the posture is made from there.
+    Args:
+        robot: whose postures.
+        ik: its inverse kinematics.
+        schedule: the phases; one posture for each phase boundary.
+        regions: balance polygons of the contacts.
+        monitor: distances of the robot's bodies to each other and the terrain.
+        spread: distance that free arms keep from everything [m].
+        com_course: CoM at each boundary, whether or not it is in static balance there; None: from the balance
+            polygons.
     """
     placed, support = _boundary_contacts(schedule)
     if com_course is None:
@@ -159,7 +183,7 @@ def solve_key_postures(
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Postures to pass one after the other.
+    """Postures to pass in order.
 
     Attributes:
         t: (n,) when [s], ascending.
@@ -185,8 +209,19 @@ def solve_course(
 ) -> Course:
     """The key postures, and one more in the middle of each swing from contact to contact.
 
-    The latter is solved afresh: what lies between two keys need not bend the knee, nor reach as far as the CoM. So it is
-    while the CoM shifts, where legs that stand far apart do not let it go straight.
+    The posture in the middle of a swing is solved separately: interpolated between two key postures it may neither
+    bend the knee nor bring the CoM to its place. The same is done within a shift of the CoM where legs that stand far
+    apart do not let it move in a straight line.
+
+    Args:
+        robot: whose postures.
+        ik: its inverse kinematics.
+        schedule: the phases.
+        keys: one posture for each phase boundary.
+        swings: the curve of each transition's end effector.
+        monitor: distances of the robot's bodies to each other and the terrain.
+        spread: distance that free arms keep from everything [m].
+        com_course: CoM to follow between the key postures; None: a straight line.
     """
     swinging = [2 * k + 1 for k in range(len(swings)) if schedule.kind(k) == MOVE]
     shifting = [n for n, phase in enumerate(schedule.phases) if phase.mover < 0]
@@ -260,7 +295,13 @@ def _reachable(
 
 
 def standing_over(q_nominal: np.ndarray, feet_mean: np.ndarray, heading: float) -> np.ndarray:
-    """(nq,) the nominal posture moved to a mean of the feet (3,) [m] and a heading [rad]."""
+    """(nq,) the nominal posture moved to a position and heading.
+
+    Args:
+        q_nominal: (nq,) the nominal posture, Drake's order, at the origin with heading zero.
+        feet_mean: (3,) mean of the feet in W [m].
+        heading: about W's z [rad].
+    """
     q = np.array(q_nominal)
     w0, x0, y0, z0 = q_nominal[:4]
     c, s = np.cos(heading / 2), np.sin(heading / 2)

@@ -2,7 +2,7 @@
 
     contacts -> phases -> key postures -> centroidal program -> swing curves -> postures frame by frame -> checks
 
-What the checks find is repaired where it can be: bodies that come too near are held apart, swings are rerouted, a CoM
+What the checks find is repaired where it can be: bodies that come too near are moved apart, swings are rerouted, a CoM
 that the legs cannot follow goes back to the centroidal program, joints that are too fast get more time. What remains is
 reported, never hidden.
 """
@@ -68,7 +68,7 @@ class MotionOptions:
 
 @dataclass(frozen=True)
 class TorqueNeed:
-    """The joint torque of a motion that is greatest in its joint's limit.
+    """The joint torque of a motion that is the greatest share of its joint's limit.
 
     Attributes:
         share: of the limit; above 1 the robot cannot play the motion.
@@ -83,7 +83,7 @@ class TorqueNeed:
 
 @dataclass(frozen=True, eq=False)
 class MotionResult:
-    """A motion, or how far it got.
+    """A motion, or the results up to the step that failed.
 
     Attributes:
         ok: whether nothing is left to complain about.
@@ -99,6 +99,9 @@ class MotionResult:
         problems: what is left.
         gaps: momenta of the motion less those of the dynamics, after each iteration of the two.
         torque: greatest joint torque under the planned contact forces; None without a motion.
+
+    Args:
+        ok: whether no problems are left.
     """
 
     ok: bool
@@ -118,7 +121,7 @@ class MotionResult:
 
 
 class MotionMaker:
-    """What is prepared once for a query, and the motions over one contact sequence after the other."""
+    """Prepares the motion stage once for a query and makes motions over contact sequences."""
 
     def __init__(self, context: QueryContext, options: MotionOptions | None = None) -> None:
         """Prepares the motion stage.
@@ -143,7 +146,12 @@ class MotionMaker:
     ) -> MotionResult:
         """Tries the usual timing, then longer phases where joints were too fast or the dynamics infeasible.
 
-        With a `com_course`, for the usual timing, the CoM follows it instead of resting places, and the timing stays.
+        With a `com_course` the timing stays as it is.
+
+        Args:
+            stances: the contact sequence; consecutive ones differ in one end effector.
+            tell: receives progress events.
+            com_course: CoM to follow, for the usual timing; None: the CoM passes through points of static balance.
         """
         num = len(stances) - 1
         shift, swing = np.full(num, self.options.shift), np.full(num, self.options.swing)

@@ -79,7 +79,13 @@ class Encounters:
         return (self.link == TERRAIN).any(axis=1)
 
     def rows(self, num_frames: int, wanted: np.ndarray, weight: np.ndarray | float = KEEP) -> DistanceRows:
-        """Rows that ask each pair for the distance `wanted` (R,) [m] in its frame, so hard (R,) [1/m]."""
+        """Rows that ask each pair to keep a distance in its frame.
+
+        Args:
+            num_frames: number of frames of the motion.
+            wanted: (R,) distance that each pair should keep [m].
+            weight: (R,) or scalar weight of each row [1/m].
+        """
         start = np.searchsorted(self.frame, np.arange(num_frames + 1)).astype(np.int64)
         return DistanceRows(
             start,
@@ -92,14 +98,15 @@ class Encounters:
 
 
 class ProximityMonitor:
-    """Asks Drake for the pairs of bodies that come near each other.
-
-    Args:
-        robot_plant: robot and terrain.
-        kinematics: of the same robot, whose links the witness points are given in.
-    """
+    """Asks Drake for the pairs of bodies that come near each other."""
 
     def __init__(self, robot_plant: RobotPlant, kinematics: Kinematics) -> None:
+        """Reads the geometries of the plant.
+
+        Args:
+            robot_plant: robot and terrain.
+            kinematics: of the same robot; witness points are expressed in its links' frames.
+        """
         self._plant, self._scene_graph = robot_plant.plant, robot_plant.scene_graph
         self._context = robot_plant.new_context()
         self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
@@ -125,7 +132,13 @@ class ProximityMonitor:
         self._name = [h[3] for h in home]
 
     def near(self, q: np.ndarray, frames: Iterable[int], distance: float) -> Encounters:
-        """Every pair closer than `distance` [m] in the given frames of q (T, nq), frames ascending."""
+        """Every pair closer than a distance in the given frames.
+
+        Args:
+            q: (T, nq) positions, Drake's order.
+            frames: indices into q, ascending.
+            distance: pairs nearer than this are returned [m].
+        """
         frame: list[int] = []
         row: list[tuple[int, int]] = []
         gap: list[float] = []

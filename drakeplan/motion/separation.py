@@ -1,4 +1,4 @@
-"""Room around the bodies of postures: moved apart where they are too near, and hips to where no leg is straight."""
+"""Distances between bodies in postures: bodies too near are moved apart, and hips to where no leg is straight."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROUNDS = 4  # of moving bodies apart
 
 @dataclass(frozen=True)
 class Room:
-    """How far free arms keep from everything: no further from the body than they hang in the nominal posture.
+    """Distances that free arms keep from everything, no greater than those in the nominal posture.
 
     Attributes:
         spread: distance where nothing says otherwise [m].
@@ -32,6 +32,13 @@ class Room:
 
     @classmethod
     def of(cls, robot: Robot, monitor: ProximityMonitor, spread: float) -> Room:
+        """Measures the nominal posture.
+
+        Args:
+            robot: whose nominal posture.
+            monitor: distances of the robot's bodies to each other.
+            spread: distance to keep where the nominal posture does not have less [m].
+        """
         met = monitor.near(np.array(nominal_posture(robot), float)[None], [0], spread)
         met = met.where(~met.with_terrain)
         least: dict[tuple[str, str], float] = {}
@@ -51,7 +58,11 @@ def separate_bodies(
     """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
 
     Args:
-        placed: (n, E), not negative where an end effector may not move.
+        tree: the robot's kinematic tree.
+        monitor: distances of the robot's bodies to each other and the terrain.
+        targets: what the postures track; n of them.
+        answer: the n postures to start from.
+        placed: (n, E) contact numbers, not negative where an end effector may not move.
         room: distance that arms keep which are not placed; everything else keeps `APART`.
         reserve: length that legs keep unused [m].
     """

@@ -86,9 +86,13 @@ class _Shape(NamedTuple):
 
 
 def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
-    """Leaves the contact along its normal up to `height` [m] and comes back: the wall end of a free palm's way.
+    """Leaves the contact along its normal up to a height and comes back: the part of a free palm's path near the wall.
 
     A palm that makes a contact follows the second half, one that breaks a contact the first.
+
+    Args:
+        contact: the palm's contact.
+        height: along the contact normal [m].
     """
     return SwingCurve(contact.X_WC, contact.X_WC, height, height, np.zeros(3), along=np.inf)
 
@@ -105,16 +109,19 @@ def plan_swing(
     raised: float = 0.0,
     pushed: float = 0.0,
 ) -> SwingCurve:
-    """The lowest curve whose moving box keeps `clearance` to the terrain, less where it must, and misses the other leg.
+    """The lowest curve whose moving box keeps the clearance to the terrain, less where it must, and misses the other leg.
 
     The box is the patch with `thickness` above it; its margin grows from nothing at the contacts to `clearance`.
 
     Args:
+        packed: the terrain.
+        before: the contact that is left.
+        after: the contact that is made.
         half_extent: half length and half width of the patch [m].
         thickness: height of the foot or hand above the patch [m].
         clearance: margin to the terrain, below and at the sides [m].
         other: the contact of the other foot, whose shin is in the way.
-        raised: added to both heights [m], for a caller who knows that the lowest curve does not do.
+        raised: added to both heights [m], for a caller for whom the lowest curve is not high enough.
         pushed: added to the sideways displacement [m].
 
     Returns:

@@ -36,7 +36,7 @@ LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
 @dataclass(frozen=True)
 class Detour:
-    """What a swing was given beyond its lowest curve: height, sideways way and room below [m]."""
+    """What is added to a swing's lowest curve [m]: height and sideways displacement."""
 
     raised: float = 0.0
     pushed: float = 0.0
@@ -45,7 +45,15 @@ class Detour:
 def plan_swings(
     robot: Robot, packed: PackedTerrain, schedule: Schedule, detours: dict[int, Detour], clearance: float
 ) -> list[SwingCurve]:
-    """One curve for each transition; a palm that makes or breaks a contact has only the wall's end of one."""
+    """One curve for each transition; for a palm that makes or breaks a contact only its part near the wall.
+
+    Args:
+        robot: its contact patches.
+        packed: the terrain.
+        schedule: the phases.
+        detours: what is added to the lowest curve, by transition.
+        clearance: margin of swinging feet and palms to the terrain [m].
+    """
     swings = range(len(schedule.stances) - 1)
     return [plan_one_swing(robot, packed, schedule, k, detours.get(k, Detour()), clearance) for k in swings]
 
@@ -53,7 +61,16 @@ def plan_swings(
 def plan_one_swing(
     robot: Robot, packed: PackedTerrain, schedule: Schedule, k: int, detour: Detour, clearance: float
 ) -> SwingCurve:
-    """The curve of transition k."""
+    """The curve of one transition.
+
+    Args:
+        robot: its contact patches.
+        packed: the terrain.
+        schedule: the phases.
+        k: index of the transition.
+        detour: what is added to the lowest curve.
+        clearance: margin of the swinging foot or palm to the terrain [m].
+    """
     mover = schedule.phases[2 * k + 1].mover
     before, after = schedule.stances[k].contacts[mover], schedule.stances[k + 1].contacts[mover]
     at_wall = before or after
@@ -85,8 +102,11 @@ def effector_targets(
     """(T, E, 4, 4) poses of the end effectors and (T, E, 2) weights of place and turn; 0 where one hangs free.
 
     Args:
-        free: (T, E, 4, 4) poses of arms that hang free. Palms on their way to or from a wall go from there to
-            their curve; without it they are left free.
+        schedule: the phases, with their contacts.
+        swings: the curve of each transition.
+        t: (T,) times [s].
+        free: (T, E, 4, 4) poses in W of arms that hang free. Palms on their way to or from a wall go from there to
+            their curve; None: they are left free.
         air: (2,) weights of place and turn in the air.
     """
     held = schedule.contact_at(t)
@@ -134,7 +154,12 @@ def _blended(X_WA: np.ndarray, X_WB: np.ndarray, to_wall: np.ndarray, around: np
 
 
 def posture_reference(course: Course, t: np.ndarray) -> np.ndarray:
-    """(T, nq) smooth way through the postures of a course, at rest at both ends, without overshoot."""
+    """(T, nq) smooth trajectory through the postures of a course, at rest at both ends, without overshoot.
+
+    Args:
+        course: postures with their times.
+        t: (T,) times [s].
+    """
     q = np.array(course.q)
     for b in range(1, len(q)):
         if q[b, :4] @ q[b - 1, :4] < 0.0:
@@ -145,7 +170,12 @@ def posture_reference(course: Course, t: np.ndarray) -> np.ndarray:
 
 
 def smoothed(q: np.ndarray, frames: float) -> np.ndarray:
-    """(T, nq) the motion through a Gaussian window of this standard deviation [frames]; standing ends stay at rest."""
+    """(T, nq) the motion filtered with a Gaussian window; the ends stay at rest.
+
+    Args:
+        q: (T, nq) positions, Drake's order.
+        frames: standard deviation of the window [frames].
+    """
     signs = np.cumprod(np.concatenate([[1.0], np.where((q[1:, :4] * q[:-1, :4]).sum(axis=1) < 0.0, -1.0, 1.0)]))
     q = np.concatenate([q[:, :4] * signs[:, None], q[:, 4:]], axis=1)
     course = gaussian_filter1d(q, frames, axis=0, mode="nearest")
@@ -159,6 +189,11 @@ def smooth_com(knot_t: np.ndarray, knot_com: np.ndarray, t: np.ndarray) -> np.nd
     The knots' momentum is the mean of the interval before, com[n+1] = com[n] + dt l[n+1] / M, so that a course through
     the knots has it half an interval early. Played `LATE` of an interval late it lies between the two, but never more than
     `MOST_LATE` behind the knots, however fast they are.
+
+    Args:
+        knot_t: (N,) times of the knots [s], equally spaced.
+        knot_com: (N, 3) CoM at the knots in W [m].
+        t: (T,) times at which to evaluate the course [s].
     """
     if len(knot_t) < 3:
         return np.array([np.interp(t, knot_t, knot_com[:, i]) for i in range(3)]).T
@@ -169,9 +204,15 @@ def smooth_com(knot_t: np.ndarray, knot_com: np.ndarray, t: np.ndarray) -> np.nd
 
 
 def momentum_course(trajectory: CentroidalTrajectory, com: np.ndarray, t: np.ndarray, mass: float) -> np.ndarray:
-    """(T - 1, 6) angular [N m s] and linear [kg m/s] momentum from each frame to the next.
+    """(T - 1, 6) angular momentum about the CoM [N m s] and linear momentum [kg m/s] in W between frames.
 
-    The linear one is that of the course of the CoM (T, 3), the angular one the dynamics'.
+    The linear part is that of the CoM course, the angular part that of the dynamics.
+
+    Args:
+        trajectory: the dynamics.
+        com: (T, 3) CoM course in W [m].
+        t: (T,) times of the frames [s].
+        mass: of the robot [kg].
     """
     middle = 0.5 * (t[1:] + t[:-1])
     angular = at_times(trajectory.t, trajectory.angular_momentum, middle)
@@ -179,7 +220,13 @@ def momentum_course(trajectory: CentroidalTrajectory, com: np.ndarray, t: np.nda
 
 
 def at_times(knot_t: np.ndarray, x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(n, 3) values between the knots' x (N, 3), linear as between the rows of a plan file."""
+    """(n, 3) values between the knots, linear as between the rows of a plan file.
+
+    Args:
+        knot_t: (N,) times of the knots [s].
+        x: (N, 3) values at the knots.
+        t: (n,) times [s].
+    """
     return np.stack([np.interp(t, knot_t, x[:, i]) for i in range(3)], axis=1)
 
 
@@ -191,7 +238,16 @@ def motion_targets(
     com: np.ndarray,
     t: np.ndarray,
 ) -> TrackingTargets:
-    """Targets of all frames; no distances to keep yet."""
+    """Targets of all frames, without distances to keep.
+
+    Args:
+        tree: the robot's kinematic tree.
+        schedule: the phases, with their contacts.
+        swings: the curve of each transition.
+        q_ref: (T, nq) positions to stay near, Drake's order.
+        com: (T, 3) CoM in W [m].
+        t: (T,) times [s].
+    """
     X_WE, weight = effector_targets(schedule, swings, t)
     return TrackingTargets(
         X_WE=X_WE,
@@ -207,7 +263,12 @@ def motion_targets(
 
 
 def contact_room(schedule: Schedule, t: np.ndarray) -> np.ndarray:
-    """(T, E) share of the usual distance to the terrain that each end effector can keep: 0 while it is in contact."""
+    """(T, E) share of the usual distance to the terrain that each end effector can keep: 0 while it is in contact.
+
+    Args:
+        schedule: the phases.
+        t: (T,) times [s].
+    """
     held = schedule.contact_at(t) >= 0
     room = np.where(held, 0.0, 1.0)
     phase = schedule.phase_at(t)

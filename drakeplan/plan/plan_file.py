@@ -53,7 +53,11 @@ DATASETS: dict[str, tuple[str, str]] = {
 
 
 def write_plan(plan: Plan, path: str | Path) -> None:
-    """Writes a plan file in one step: whoever looks at `path` sees the old file or the whole new one.
+    """Writes a plan file in one step: a reader of the path sees the old file or the whole new one.
+
+    Args:
+        plan: what to write.
+        path: the file.
 
     Raises:
         InputError: the file cannot be written there.
@@ -79,7 +83,7 @@ def read_plan(path: str | Path) -> Plan:
 
 @dataclass(frozen=True)
 class PlanSummary:
-    """What a plan file says of itself; reading it needs no robot.
+    """Main facts of a plan file; reading them needs no robot.
 
     Attributes:
         path: the file.
@@ -126,7 +130,7 @@ class PlanSummary:
 
 
 def inspect_plan(path: str | Path) -> PlanSummary:
-    """What a plan file says of itself, without loading any robot.
+    """Main facts of a plan file, read without loading any robot.
 
     Raises:
         InputError: as `read_plan`.

@@ -66,6 +66,10 @@ def show_plan(plan: Plan, meshcat: Meshcat, robot: Robot | None = None) -> View:
 def page_html(plan: Plan, robot: Robot | None = None) -> str:
     """The plan as one page with everything inline, animation and time slider included.
 
+    Args:
+        plan: complete or of contacts alone.
+        robot: the plan's; None: loaded by its name.
+
     Raises:
         InputError: as `show_plan`.
     """
@@ -92,6 +96,10 @@ def scene_page_html(scene: Scene) -> str:
 def write_scene_page(scene: Scene, path: str | Path) -> None:
     """Writes `scene_page_html` in one step.
 
+    Args:
+        scene: to show.
+        path: the HTML file.
+
     Raises:
         InputError: the file cannot be written.
     """
@@ -99,7 +107,12 @@ def write_scene_page(scene: Scene, path: str | Path) -> None:
 
 
 def write_page(plan: Plan, path: str | Path, robot: Robot | None = None) -> None:
-    """Writes `page_html` in one step: whoever looks at `path` sees the old file or the whole new one.
+    """Writes `page_html` in one step: a reader of the path sees the old file or the whole new one.
+
+    Args:
+        plan: complete or of contacts alone.
+        path: the HTML file.
+        robot: the plan's; None: loaded by its name.
 
     Raises:
         InputError: as `show_plan`, or the file cannot be written.

@@ -68,9 +68,14 @@ def frame_times(duration: float) -> FrameTimes:
 
 
 def animate(meshcat: Meshcat, plan: Plan, robot: Robot) -> FrameTimes | None:
-    """Draws the moving things at the motion's start and hands meshcat their animation.
+    """Draws the moving objects at the motion's start and passes their animation to meshcat.
 
     A plan without motion shows no robot, and None is returned.
+
+    Args:
+        meshcat: to draw in.
+        plan: whose motion is shown.
+        robot: the plan's.
     """
     if plan.motion is None or plan.centroidal is None:
         return None

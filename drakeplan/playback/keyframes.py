@@ -13,15 +13,26 @@ Errors = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (samples, what a play
 
 
 def thin_positions(times: np.ndarray, positions: np.ndarray, tolerance: float) -> np.ndarray:
-    """Indices of the keyframes that keep (T, 3) positions within `tolerance` [m] under linear interpolation."""
+    """Indices of the keyframes that keep positions within a tolerance under linear interpolation.
+
+    Args:
+        times: (T,) [s].
+        positions: (T, 3) in W [m].
+        tolerance: greatest error [m].
+    """
     return _thin(times, positions, tolerance, _distances)
 
 
 def thin_quaternions(times: np.ndarray, quaternions: np.ndarray, tolerance: float) -> np.ndarray:
-    """Indices of the keyframes that keep (T, 4) unit quaternions within `tolerance` [rad] of rotation.
+    """Indices of the keyframes that keep rotations within a tolerance.
 
     The sign must be continuous in time. Players interpolate on the great circle; between neighbours as close as
     keyframes are here, the normalised chord differs from it by less than a hundredth of the tolerance.
+
+    Args:
+        times: (T,) [s].
+        quaternions: (T, 4) unit quaternions.
+        tolerance: greatest error [rad].
     """
     return _thin(times, quaternions, tolerance, _angles)
 

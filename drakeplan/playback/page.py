@@ -103,7 +103,12 @@ def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
 
 
 def finished_scene_page(meshcat_page: str, scene: Scene) -> str:
-    """The page of a scene without a plan, with its title and legend."""
+    """The page of a scene without a plan, with its title and legend.
+
+    Args:
+        meshcat_page: as `Meshcat.StaticHtml` gives it.
+        scene: whose name and colours are shown.
+    """
     return _dressed(meshcat_page, [scene.name, _count(len(scene.terrain.surfaces), "surface")], _of_scene(scene), "")
 
 

@@ -23,6 +23,11 @@ CHEST = 1.0  # [m] over the start, where the arrows of pushes without a region s
 def draw_pushes(meshcat: Meshcat, scene: Scene, root: str) -> np.ndarray:
     """Draws the scene's disturbances below `root`.
 
+    Args:
+        meshcat: to draw in.
+        scene: with its disturbances.
+        root: meshcat path below which they are drawn.
+
     Returns:
         (M, 3) points in W that a picture of them must hold [m].
     """

@@ -30,7 +30,13 @@ PATCH = 0.008  # [m] thickness of a contact's patch, the greater part of it abov
 
 
 def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
-    """Draws all of a plan that does not move."""
+    """Draws all of a plan that does not move.
+
+    Args:
+        meshcat: to draw in.
+        plan: to draw.
+        scene: the plan's.
+    """
     draw_scene(meshcat, scene, plan.triangles)
     for c in range(len(plan.contacts)):
         _patch(meshcat, plan, c)
@@ -156,7 +162,13 @@ def _goal(meshcat: Meshcat, xyz: np.ndarray, radius: float) -> None:
 
 
 def light_and_look(meshcat: Meshcat, view: View, extent: float) -> None:
-    """One sun with soft shadows, a pale sky, the camera; `extent` [m] is how far from the target the sun reaches."""
+    """One sun with soft shadows, a pale sky, the camera.
+
+    Args:
+        meshcat: to set up.
+        view: the camera.
+        extent: how far from the target the sun reaches [m].
+    """
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Background/<object>", "top_color", [0.55, 0.68, 0.83])

@@ -43,14 +43,24 @@ def is_wall(surface: Surface) -> bool:
 
 
 def plate_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMesh:
-    """Thin plates behind the faces of these surfaces, each in its stone's colour."""
+    """Thin plates behind the faces of some surfaces, each in its own colour.
+
+    Args:
+        surfaces: all of the terrain.
+        indices: which of them to draw.
+    """
     edges = len(surfaces) < MANY_SURFACES
     parts = [_plate(surfaces[index], edges) for index in indices]
     return _joined(parts, [np.broadcast_to(_stone(i), (len(p), 3)) for i, p in zip(indices, parts, strict=True)])
 
 
 def facet_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMesh:
-    """Bare faces on the mesh that these surfaces belong to; those in one plane, which may overlap, in one colour."""
+    """Bare faces on the mesh that some surfaces belong to; those in one plane, which may overlap, in one colour.
+
+    Args:
+        surfaces: all of the terrain.
+        indices: which of them to draw.
+    """
     parts, colours = [], []
     planes: dict[tuple[float, ...], int] = {}
     for index in indices:
@@ -63,7 +73,12 @@ def facet_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredM
 
 
 def wall_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMesh:
-    """The bare faces of these surfaces."""
+    """The bare faces of some surfaces, in the colour of walls.
+
+    Args:
+        surfaces: all of the terrain.
+        indices: which of them to draw.
+    """
     parts = [_fan(surfaces[index].vertices + LIFT * surfaces[index].normal) for index in indices]
     return _joined(parts, [np.broadcast_to(WALL, (len(p), 3)) for p in parts])
 
@@ -82,7 +97,13 @@ def outlines(surfaces: Sequence[Surface]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tube(path: np.ndarray, radius: float, sides: int = 6) -> tuple[np.ndarray, np.ndarray]:
-    """((n, 3) vertices, (m, 3) faces) of a tube around a (N, 3) polyline; lines of WebGL are one pixel wide."""
+    """((n, 3) vertices, (m, 3) faces) of a tube around a polyline; lines of WebGL are only one pixel wide.
+
+    Args:
+        path: (N, 3) points of the polyline in W [m].
+        radius: of the tube [m].
+        sides: of its cross-section.
+    """
     ahead = np.gradient(path, axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
     aside = np.cross(ahead, [0.0, 0.0, 1.0])

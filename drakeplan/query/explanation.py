@@ -16,7 +16,7 @@ TIME_LIMIT = 30.0  # [s]
 
 @dataclass(frozen=True)
 class Explanation:
-    """What the centroidal program of a whole contact sequence says when it is asked for its least relaxation.
+    """Why the dynamics of a contact sequence are infeasible, from the least relaxation of its centroidal program.
 
     Attributes:
         stances: of the sequence.
@@ -29,7 +29,7 @@ class Explanation:
     found: InfeasibilityReport
 
     def lines(self) -> list[str]:
-        """For people: where the sequence is blocked, and each change that is enough."""
+        """Lines to read: where the sequence is blocked, and each change that makes it feasible."""
         head = f"dynamics of the whole sequence ({self.stances} stances)"
         if self.found.feasible:
             return [f"{head}: feasible by themselves; the motion asks for more: {self.refused}"]
@@ -51,7 +51,7 @@ class Explanation:
 
 
 def explain_sequence(context: QueryContext, stances: Sequence[Stance], timing: Timing, refused: str) -> Explanation:
-    """Asks the centroidal program of a whole contact sequence what stands in its way.
+    """Finds why the centroidal program of a whole contact sequence is infeasible, and which changes make it feasible.
 
     Args:
         context: robot and friction cone.

@@ -70,7 +70,12 @@ class PlanOptions:
 
 
 def with_options(scene: Scene, options: PlanOptions) -> Scene:
-    """The scene with the start, goal and friction that the options ask for."""
+    """The scene with the start, goal and friction that the options ask for.
+
+    Args:
+        scene: as loaded.
+        options: whose start, goal, goal radius and friction replace the scene's.
+    """
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
         x, y, *heading = options.start
@@ -88,7 +93,7 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
 
 
 def check_options(options: PlanOptions) -> None:
-    """Refuses what cannot be planned with.
+    """Raises on options that cannot be planned with.
 
     Raises:
         InputError: an unknown name, or a number that is none or out of range.
