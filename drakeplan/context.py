@@ -1,4 +1,4 @@
-"""What everything in one query shares: made once, whoever asks first pays."""
+"""What all steps of one query share; each part is computed once, on first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a long computation says while it runs, and how that is shown on a terminal."""
+"""Progress events of a long computation, and how a terminal shows them."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ def _measure_in_child(options: BenchOptions) -> dict:
 
 
 class Way(Protocol):
-    """One way of asking one side."""
+    """One way of using one of the two libraries."""
 
     name: str
 
@@ -135,7 +135,7 @@ class Way(Protocol):
 
 
 class Query:
-    """Ours, one linear program a query."""
+    """drakeplan, one linear program a query."""
 
     name = "query"
 
@@ -149,7 +149,7 @@ class Query:
 
 
 class Region:
-    """Ours, the whole region first."""
+    """drakeplan, with the whole region computed first."""
 
     name = "region"
 
@@ -169,6 +169,15 @@ class PeerWay:
     """hpp-centroidal-dynamics by one of its algorithms."""
 
     def __init__(self, peer: ModuleType, edges: int, algorithm: str, solver: str, warm: bool) -> None:
+        """Prepares one algorithm of the peer.
+
+        Args:
+            peer: the module hpp_centroidal_dynamics.
+            edges: of the friction pyramid.
+            algorithm: its name in the peer, without the prefix.
+            solver: name of the linear-program solver in the peer, without the prefix.
+            warm: whether the solver starts from the last solution.
+        """
         self.name = algorithm if algorithm == "PP" else f"{algorithm} {solver}{' warm' if warm else ''}"
         self._status = peer.LP_status
         self._algorithm = getattr(peer.EquilibriumAlgorithm, f"EQUILIBRIUM_ALGORITHM_{algorithm}")
@@ -191,7 +200,12 @@ class PeerWay:
 
 
 def measure(num_sets: int, robot: str) -> dict:
-    """Times of every number of contacts, cone and task, ours and hpp's in turn."""
+    """Times of every number of contacts, cone and task, for drakeplan and hpp in turn.
+
+    Args:
+        num_sets: contact sets of each number of contacts and cone.
+        robot: its name.
+    """
     peer = importlib.import_module(PEER) if importlib.util.find_spec(PEER) is not None else None
     rows = []
     for n, (cone, edges) in itertools.product(CONTACTS, CONES.items()):
@@ -216,7 +230,7 @@ def _peer_ways(peer: ModuleType, edges: int) -> Iterator[PeerWay]:
 
 
 class _Pilot:
-    """A short trial that tells what one way costs, and what it answers."""
+    """A short trial that measures the time of one way and keeps its verdicts."""
 
     def __init__(self, way: Way, cases: Sequence[Case]) -> None:
         some = cases[:PILOT_SETS]
@@ -358,7 +372,16 @@ def _peer_frame(normal: np.ndarray) -> np.ndarray:
 
 
 def agreement_with_highs(n: int, count: int, options: BenchOptions) -> tuple[int, int, int]:
-    """(wrong, too near the boundary to tell, asked) of queries with the robot's force limits and the `inner` cone."""
+    """Compares verdicts with HiGHS, with the robot's force limits and the `inner` cone.
+
+    Args:
+        n: number of contacts.
+        count: number of random stances.
+        options: robot and progress.
+
+    Returns:
+        Wrong verdicts, those too near the boundary to tell, and all queries.
+    """
     robot, wrong, near = load_robot(options.robot), 0, 0
     out = np.empty((ROOM, 2))
     for seed in range(count):

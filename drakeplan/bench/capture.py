@@ -49,7 +49,12 @@ def run(options: BenchOptions) -> tuple[BenchTable, BenchTable]:
 
 
 def ask(checker: CaptureChecker, question: CaptureQuestion) -> Asked:
-    """The answer, and its time by both clocks."""
+    """The answer to one question, with processor and wall time.
+
+    Args:
+        checker: answers it.
+        question: contacts, state and new contact.
+    """
     cpu, wall = time.process_time(), time.perf_counter()
     answer = checker.check(question)
     return Asked(question, answer, 1e3 * (time.process_time() - cpu), 1e3 * (time.perf_counter() - wall))
@@ -138,7 +143,13 @@ def _agreement(checker: CaptureChecker, options: BenchOptions) -> BenchTable:
 
 
 def level_question(seed: int, checker: CaptureChecker, motion: str) -> CaptureQuestion:
-    """A question on level ground; every other one with a level and smaller momentum, as the pendulum has."""
+    """A question on level ground; every other one with a level and smaller momentum, as the pendulum has.
+
+    Args:
+        seed: of the random question.
+        checker: whose robot the question is for.
+        motion: one of `CAPTURE_MOTIONS`.
+    """
     rng = np.random.default_rng((seed, CAPTURE_MOTIONS.index(motion)))
     question = random_question(rng, checker.robot, motion, level=True)
     if seed % 2:
@@ -147,7 +158,12 @@ def level_question(seed: int, checker: CaptureChecker, motion: str) -> CaptureQu
 
 
 def pendulum_depth(question: CaptureQuestion, checker: CaptureChecker) -> float:
-    """How deep the capture point lies inside the ground that captures, over all swing times; negative outside [m]."""
+    """How deep the capture point lies inside the ground that captures, over all swing times; negative outside [m].
+
+    Args:
+        question: on level ground.
+        checker: its robot and swing times.
+    """
     omega = frequency(question.com[2])
     point = capture_point(question.com, question.linear_momentum / checker.robot.mass)
     before = support_polygon(question.swing_stance, checker.robot)

@@ -35,10 +35,14 @@ def standing(robot: Robot) -> CaptureQuestion:
 
 
 def footholds(question: CaptureQuestion, robot: Robot) -> list[Contact]:
-    """Where either foot might go to meet the pendulum's capture point, as far as it reaches.
+    """Footholds for either foot near the pendulum's capture point, as far as the foot reaches.
 
-    While the foot moves, the pressure stands where the other foot lets it come nearest to the capture point, which moves
-    away from it with exp(omega t).
+    While the foot moves, the centre of pressure is the point under the other foot that is nearest to the capture
+    point, which moves away from it with exp(omega t).
+
+    Args:
+        question: both feet on level ground, with a momentum.
+        robot: its foot size and limits of a step.
     """
     point = capture_point(question.com, question.linear_momentum / robot.mass)
     omega = frequency(question.com[2])
@@ -57,7 +61,12 @@ def footholds(question: CaptureQuestion, robot: Robot) -> list[Contact]:
 
 
 def draw_rose(checker: CaptureChecker, tell: Callable[[str], None], picture: Path = PICTURE) -> np.ndarray:
-    """Asks for pushes in all directions and draws the answers.
+    """Solves for pushes in all directions and draws the results.
+
+    Args:
+        checker: answers the questions.
+        tell: called with one line of progress.
+        picture: file to write.
 
     Returns:
         (DIRECTIONS, len(SPEEDS)) 0 where a push is captured without a step, 1 with one, 2 not at all.

@@ -43,7 +43,7 @@ NONE = float("nan")
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """The answers for the transitions of one category.
+    """The estimates of the transitions of one category, with their times.
 
     Attributes:
         estimates: one each.
@@ -97,13 +97,25 @@ def run(options: BenchOptions) -> BenchTable:
 
 
 def draw(robot: Robot, category: str, count: int) -> list[RandomTransition]:
-    """The first transitions of the category's own stream."""
+    """The first transitions of the category's own random sequence.
+
+    Args:
+        robot: for which they are drawn.
+        category: one of `CATEGORIES`.
+        count: how many.
+    """
     rng = np.random.default_rng([list(CATEGORIES).index(category), 2019])
     return [random_transition(rng, robot, category) for _ in range(count)]
 
 
 def label(robot: Robot, drawn: list[RandomTransition], options: CentroidalOptions) -> Labels:
-    """Labels transitions one by one, as a campaign does."""
+    """Labels transitions one by one, as a campaign does.
+
+    Args:
+        robot: its limits and mass.
+        drawn: the transitions.
+        options: of the centroidal program.
+    """
     TransitionDynamics(robot, options).estimate(*_question(drawn[0]))  # libraries load outside the measurement
     dynamics = TransitionDynamics(robot, options)
     estimates, wall, cpu = [], [], []
@@ -134,8 +146,18 @@ def _label_row(
 def agreement(
     robot: Robot, category: str, drawn: list[RandomTransition], found: Labels, options: BenchOptions
 ) -> tuple[tuple[object, ...], list[str]]:
-    """(share of equal verdicts, 5th and 95th percentile of our cost over the peer's, worst violation of ours that the
-    peer could not mend), and a line for every disagreement.
+    """Compares feasibility and cost of drakeplan's program with those of the interior-point peer.
+
+    Args:
+        robot: its limits and mass.
+        category: of the transitions, for the list.
+        drawn: the transitions.
+        found: drakeplan's estimates of them.
+        options: progress.
+
+    Returns:
+        (share of equal verdicts, 5th and 95th percentile of drakeplan's cost over the peer's, worst violation of a
+        trajectory of drakeplan that the peer could not reduce to zero), and a line for every disagreement.
     """
     dynamics = TransitionDynamics(robot)
     peers: dict[object, InteriorPoint] = {}
@@ -190,7 +212,12 @@ def gap_walk() -> list[Stance]:
 
 
 def slope_walk(contacts: int, length: float = 3.0) -> list[Stance]:
-    """A walk of so many foot contacts down a slope, by equal short strides (Lin 2020 sec. 6.7.2)."""
+    """A walk down a slope by equal short strides (Lin 2020 sec. 6.7.2).
+
+    Args:
+        contacts: number of foot contacts.
+        length: of the walk along the slope [m].
+    """
     normal = np.array([np.sin(SLOPE), 0.0, np.cos(SLOPE)])
 
     def foot(index: int) -> Contact:
@@ -205,7 +232,13 @@ def slope_walk(contacts: int, length: float = 3.0) -> list[Stance]:
 
 
 def sequence_problem(robot: Robot, stances: list[Stance], options: CentroidalOptions) -> CentroidalProblem:
-    """From rest over the first feet, with the documents' timing."""
+    """The centroidal problem of a sequence, from rest over the first feet.
+
+    Args:
+        robot: its mass and contact patches.
+        stances: the sequence.
+        options: their durations are used, by default those of Lin 2020 sec. 6.7.
+    """
     schedule = ContactSchedule.from_stances(
         stances, dt=options.dt, shift_time=options.shift_time, swing_time=options.swing_time
     )
@@ -214,7 +247,13 @@ def sequence_problem(robot: Robot, stances: list[Stance], options: CentroidalOpt
 
 
 def sequence_options(robot: Robot, cone: FrictionCone, solver: str) -> CentroidalOptions:
-    """A robot's limits; at rest at the end."""
+    """Options with a robot's limits, at rest at the end.
+
+    Args:
+        robot: its limits.
+        cone: friction cone of every contact.
+        solver: its name.
+    """
     return replace(transition_options(robot, cone), rest_at_end=True, explain=True, solver=solver)
 
 

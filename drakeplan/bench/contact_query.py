@@ -24,7 +24,7 @@ NOTHING = float("nan")
 
 @dataclass(frozen=True)
 class QueryOutcome:
-    """What a query had come to after some seconds of search.
+    """The results of a query after some seconds of search.
 
     Attributes:
         found: contact sequences.
@@ -60,12 +60,12 @@ class QueryOutcome:
 
 
 class SequenceTrials:
-    """Contact sequences in the order in which they were found; the program of each is solved when asked for, and once.
+    """Contact sequences in the order in which they were found; the program of each is solved once, on first use.
 
     Attributes:
         plans: the sequences.
         why: why there are none, "" where there are.
-        asked: transitions judged, by who answered.
+        asked: transitions whose dynamics were evaluated, by "learned" and "exact".
         busy: processor time of the search over its wall time.
     """
 
@@ -73,6 +73,16 @@ class SequenceTrials:
         self, robot: Robot, cone: FrictionCone, plans: Sequence[ContactPlan], why: str = "", asked: dict[str, int] | None = None,
         busy: float = NOTHING,
     ) -> None:  # fmt: skip
+        """Keeps the sequences; no program is solved yet.
+
+        Args:
+            robot: of the query.
+            cone: friction cone of every contact.
+            plans: the sequences, in the order in which they were found.
+            why: why there are none, "" where there are.
+            asked: number of transitions whose dynamics were evaluated, by "learned" and "exact".
+            busy: processor time of the search over its wall time.
+        """
         self.robot, self.cone, self.plans = robot, cone, tuple(plans)
         self.why, self.asked, self.busy = why, asked or {}, busy
         self._answers: dict[int, tuple[CentroidalEstimate, float]] = {}
@@ -92,7 +102,7 @@ class SequenceTrials:
         return times[-1] if times else NOTHING
 
     def within(self, seconds: float) -> QueryOutcome:
-        """What the search had come to after so many seconds."""
+        """The results of the search after so many seconds."""
         found = [k for k, plan in enumerate(self.plans) if plan.elapsed <= seconds]
         if not found:
             return QueryOutcome()
@@ -136,7 +146,7 @@ def run_query(
     """Searches for so many seconds; where there is no sequence by then, on until the first or the deadline.
 
     Args:
-        context: scene, robot and cone; the terrain is packed within the clock where nobody did that before.
+        context: scene, robot and cone; packing of the terrain counts unless it was done before.
         options: what is asked of any planner; the transition model is the scene's.
         settings: of the search.
         seconds: of search [s].

@@ -1,7 +1,7 @@
-"""Gaps and slopes that nobody crosses standing still, planned, played and verified (Lin et al. 2019 sec. VIII-A and B).
+"""Gaps and slopes that no quasi-static motion crosses, planned and verified (Lin et al. 2019 sec. VIII-A and B).
 
-Three tables: the crossings beside the documents' numbers; how far legs span a gap at rest and in motion, by Drake's inverse
-kinematics; and how fast who is on a slope must go, in closed form.
+Three tables: the crossings beside the numbers of Lin et al. 2019; how far legs span a gap at rest and in motion, by Drake's inverse
+kinematics; and the least speed on a slope, in closed form.
 """
 
 from __future__ import annotations
@@ -107,7 +107,14 @@ def run(options: BenchOptions) -> tuple[BenchTable, ...]:
 
 
 def cross(crossing: Crossing, robot: Robot, ik: WholeBodyIK, deadline: float = DEADLINE) -> tuple[object, ...]:
-    """A row of the first table: the first contact sequence, its dynamics, and the verifier's word on its motion."""
+    """A row of the first table: the first contact sequence, its dynamics, and whether its motion was verified.
+
+    Args:
+        crossing: scene, dynamics, cone and timing.
+        robot: that crosses.
+        ik: its inverse kinematics.
+        deadline: of the search, in processor time [s].
+    """
     plan, asked, why = _search(crossing, robot, ik, deadline)
     timing = crossing.timing
     about = (crossing.name, crossing.dynamics, crossing.cone, f"{timing.shift:g} + {timing.swing:g}")
@@ -177,7 +184,7 @@ def can_span(robot: Robot, stride: float, over: int | None, heading: float = 0.0
     """Whether Drake finds a posture with one foot on either side of a gap, soles up to its edges.
 
     Args:
-        robot: who stands there.
+        robot: that stands there.
         stride: from the left foot, behind, to the right foot [m].
         over: 0 or 1 where the CoM must be over that foot's own balance polygon alone, None for anywhere.
         heading: of both feet [rad].
@@ -210,7 +217,14 @@ def can_span(robot: Robot, stride: float, over: int | None, heading: float = 0.0
 
 
 def widest_stride(robot: Robot, over: int | None, heading: float = 0.0) -> float:
-    """The widest stride that `can_span`, by bisection [m]."""
+    """The widest stride that `can_span`, by bisection [m].
+
+    Args:
+        robot: whose legs.
+        over: 0 (left foot, behind) or 1 (right foot, ahead) where the CoM must be over the balance polygon of that
+            foot alone; None: anywhere.
+        heading: of both feet, away from the direction of the stride [rad].
+    """
     low, high = 0.5, 1.5
     while high - low > RESOLUTION:
         middle = 0.5 * (low + high)
@@ -244,10 +258,15 @@ def _strides(robot: Robot, options: BenchOptions) -> BenchTable:
 
 
 def longest_time(tilt: float, length: float, friction: float = FRICTION) -> float:
-    """Longest time [s] that a CoM can take down a slope of this length [m] on which nobody can stand.
+    """Longest time [s] that a CoM can take down a slope on which no standing is possible; infinite on other slopes.
 
-    Coulomb leaves at least a = g (sin tilt - mu cos tilt) along the slope while only the slope carries and the height
-    over it stays, so that length >= a T^2 / 2 even from rest.
+    Coulomb friction leaves at least a = g (sin tilt - mu cos tilt) along the slope while only the slope carries load
+    and the height over it stays constant, so that length >= a T^2 / 2 even from rest.
+
+    Args:
+        tilt: of the slope [rad].
+        length: of the slope [m].
+        friction: Coulomb coefficient [-].
     """
     a = GRAVITY * (math.sin(tilt) - friction * math.cos(tilt))
     return math.sqrt(2.0 * length / a) if a > 0 else math.inf

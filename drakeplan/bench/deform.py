@@ -59,7 +59,12 @@ def run(options: BenchOptions) -> BenchTable:
 
 
 def moved_scene(name: str, seed: int) -> tuple[Scene, Scene]:
-    """The scene that was planned for, and the same with every surface moved: draw `seed`, plan `seed` modulo 5."""
+    """The scene that was planned for, and the same with every surface moved.
+
+    Args:
+        name: of the scene.
+        seed: of the move; the plan's is this modulo `PLANS`.
+    """
     scene = load_scene(name, seed=seed % PLANS)
     terrain = move_surfaces(scene.terrain, np.random.default_rng(seed))
     return scene, dataclasses.replace(scene, name=f"{name}_moved", terrain=terrain)

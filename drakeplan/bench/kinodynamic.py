@@ -89,7 +89,12 @@ def _row(plant: RobotPlant, motions: list[tuple[MotionResult, float]]) -> tuple[
 
 
 def plan_gap(robot_plant: RobotPlant, motion: MotionResult) -> MomentumGap:
-    """Drake's CoM and momenta of a motion at every frame, less those of its dynamics."""
+    """Drake's CoM and momenta of a motion at every frame, less those of its dynamics.
+
+    Args:
+        robot_plant: Drake's model of the robot.
+        motion: with its dynamics.
+    """
     plant, context = robot_plant.plant, robot_plant.plant.CreateDefaultContext()
     c = motion.centroidal
     assert c is not None

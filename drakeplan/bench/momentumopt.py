@@ -89,7 +89,16 @@ def _free(variant: Variant, dt: np.ndarray) -> tuple[object, ...]:
 def judge(
     variant: Variant, timing: str, dt: np.ndarray, t: CentroidalTrajectory | None, programs: int, elapsed: float
 ) -> tuple[object, ...]:
-    """The row of a trajectory; `dt` (N-1,) are the reference's intervals [s]."""
+    """The row of a trajectory.
+
+    Args:
+        variant: of the published case.
+        timing: name of the timing in the table.
+        dt: (N-1,) the reference's intervals [s].
+        t: the trajectory; None where no solution was found.
+        programs: number of programs solved.
+        elapsed: time they took [s].
+    """
     reference = variant.objective(dt, *variant.reference)
     if t is None:
         return variant.name, timing, np.inf, reference, *(np.nan,) * 5, "", "no answer", programs, elapsed

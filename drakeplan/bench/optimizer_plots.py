@@ -40,7 +40,12 @@ def draw(table: BenchTable) -> Figure:
 
 
 def save(table: BenchTable, path: Path) -> None:
-    """Writes the picture, making its folder when missing."""
+    """Writes the picture, making its folder when missing.
+
+    Args:
+        table: with the results.
+        path: the picture's file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     draw(table).savefig(path, dpi=120)
 

@@ -70,7 +70,12 @@ def methods() -> list[Method]:
 
 
 def centroidal_questions(robot: Robot, seeds: int) -> dict[str, list[Question]]:
-    """Questions by size: random transitions, a walk over a gap, and a walk down a slope."""
+    """Questions by size: random transitions, a walk over a gap, and a walk down a slope.
+
+    Args:
+        robot: for which they are made.
+        seeds: random transitions of each category.
+    """
     dynamics = TransitionDynamics(robot)
     questions: dict[str, list[Question]] = {}
     for category in ("feet", "one palm"):
@@ -87,7 +92,13 @@ def centroidal_questions(robot: Robot, seeds: int) -> dict[str, list[Question]]:
 def centroidal_trials(
     questions: dict[str, list[Question]], chosen: list[Method], options: BenchOptions
 ) -> dict[tuple[str, Method], list[Trial]]:
-    """Every method on every question that is not too long for it."""
+    """Every method on every question that is not too long for it.
+
+    Args:
+        questions: by size.
+        chosen: the methods.
+        options: progress.
+    """
     trials: dict[tuple[str, Method], list[Trial]] = {}
     first = next(iter(questions.values()))[0]
     for method in chosen:

@@ -43,6 +43,11 @@ def random_transition(rng: np.random.Generator, robot: Robot, category: str) -> 
     """A stance of two feet and the category's palms, a next stance, and a state of the CoM.
 
     A foot moves in every transition of `feet` and in half of the others; there else a palm moves or lets go.
+
+    Args:
+        rng: source of all random choices.
+        robot: its mass and CoM height.
+        category: one of `CATEGORIES`.
     """
     left = _stone(rng, 0, np.array([0.0, 0.1, 0.0]))
     feet = [left, _beside(rng, left, 1)]

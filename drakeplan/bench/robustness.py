@@ -39,6 +39,12 @@ def robustness_sums(
     M g; the root mean square is taken over the contacts of a time step. Torque, lateral force (Lin 2020 eq. 6.4: in the contact
     frame) and the distance of the centre of pressure to the nearest edge of its patch are samples of one contact in one
     time step; a contact without load has no centre of pressure.
+
+    Args:
+        schedule: contacts in each interval.
+        trajectory: over the same intervals.
+        mass: of the robot [kg].
+        half_extent: (E, 2) half length and half width of each contact patch [m].
     """
     samples = _samples(schedule, trajectory, mass * GRAVITY, half_extent)
     return np.array([[s.sum() for s in samples], [len(s) for s in samples]], float)

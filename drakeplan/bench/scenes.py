@@ -1,4 +1,4 @@
-"""What the planner and the verifier say of every named scene, and of the meshes of hpp-environments."""
+"""Results of the planner and the verifier on every named scene, and on the meshes of hpp-environments."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ NORMALS = ((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True, eq=False)
 class Recording(DynamicsSurrogate):
-    """A surrogate that keeps what it was asked."""
+    """A surrogate that records its inputs."""
 
     batches: list[TransitionBatch] = field(default_factory=list)
 
@@ -56,7 +56,12 @@ class Recording(DynamicsSurrogate):
 
 
 def times(options: BenchOptions, surrogate: DynamicsSurrogate) -> BenchTable:
-    """Microseconds a transition, median and least of repeated passes over all batches."""
+    """Microseconds a transition, median and least of repeated passes over all batches.
+
+    Args:
+        options: seeds and robot.
+        surrogate: to be timed.
+    """
     rows = []
     for scene in SCENES:
         batches = real_batches(options, surrogate, scene)
@@ -93,7 +98,13 @@ def times(options: BenchOptions, surrogate: DynamicsSurrogate) -> BenchTable:
 
 
 def real_batches(options: BenchOptions, surrogate: DynamicsSurrogate, scene: str) -> list[TransitionBatch]:
-    """What searches for a first contact sequence ask, expansion after expansion."""
+    """The batches of transitions that searches for a first contact sequence evaluate, one for each expansion.
+
+    Args:
+        options: seeds and robot.
+        surrogate: evaluates them.
+        scene: its name.
+    """
     robot = load_robot(options.robot)
     ik, recording = WholeBodyIK(robot), Recording.of(surrogate)
     for seed in range(min(options.seeds, SEEDS)):
@@ -105,7 +116,16 @@ def real_batches(options: BenchOptions, surrogate: DynamicsSurrogate, scene: str
 
 
 def expansion(n: int, num_categories: int, seed: int = 0) -> tuple[TransitionBatch, tuple]:
-    """n children of a stance with both feet and the left palm, that moves a foot (and another foot, and the palm)."""
+    """Children of a stance with both feet and the left palm, each with one moved contact.
+
+    Args:
+        n: number of children.
+        num_categories: 1: the left foot moves; 2: the right foot too; 3: the left palm too.
+        seed: of the random poses.
+
+    Returns:
+        The batch, and the arguments of `TransitionBatch.of_children` that make it.
+    """
     rng = np.random.default_rng(seed)
     movers = np.arange(n) % num_categories
     effectors = np.concatenate([np.arange(4), movers])
@@ -121,7 +141,12 @@ def expansion(n: int, num_categories: int, seed: int = 0) -> tuple[TransitionBat
 
 
 def by_numpy(members: tuple[Mlp, ...], x: np.ndarray) -> np.ndarray:
-    """The mean of networks as NumPy computes it, (n, outputs)."""
+    """(n, outputs) the mean of networks as NumPy computes it.
+
+    Args:
+        members: networks of one shape.
+        x: (n, inputs) their inputs.
+    """
     total = np.zeros((len(x), members[0].shape[-1]), np.float32)
     for mlp in members:
         y = x

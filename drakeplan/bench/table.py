@@ -150,6 +150,11 @@ def _named(database: Path) -> Iterator[None]:
 def record(table: BenchTable, options: BenchOptions, database: Path) -> None:
     """Appends a run to the SQLite file, making it when missing.
 
+    Args:
+        table: of the run.
+        options: seeds and robot.
+        database: the SQLite file.
+
     Raises:
         InputError: the file cannot be written.
     """

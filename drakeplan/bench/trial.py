@@ -1,4 +1,4 @@
-"""One answer of one optimiser to one question: timed, weighed, and judged by a recomputation that does not believe it."""
+"""One solution of one optimiser to one problem, with time and memory, checked by recomputing its constraints."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class Method:
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of it.
+    """The result of one method on one question.
 
     Attributes:
         claimed: whether the optimiser calls its answer feasible.
         holds: whether it is, by the check on its world forces alone.
-        cost: the documents' objective; inf where there is no answer.
+        cost: the objective of Lin 2020 sec. 6.3; inf where there is no answer.
         residual: of Newton's and Euler's equations, by this module's own sums [M g, M g m]; NaN without an answer.
         violated: worst constraint over its tolerance, 0 where all hold, inf without an answer.
         block: its name.
@@ -143,7 +143,14 @@ def exact_hessian() -> Callable[[CentroidalProblem, CentroidalOptions], Answer]:
 
 
 def corner_forces(problem: CentroidalProblem, x: np.ndarray) -> np.ndarray:
-    """(J, 4, 3) corner forces [M g] out of the interior point's variables: nine of the state, then twelve a contact."""
+    """(J, 4, 3) corner forces [M g] in the contact frames, out of the interior point's variables.
+
+    For each interval the variables are nine of the state, then twelve for each contact.
+
+    Args:
+        problem: of the variables.
+        x: the variables [scaled units].
+    """
     parts, place = [np.zeros((0, 4, 3))], 0
     for row in problem.schedule.active:
         held = int((row >= 0).sum())
@@ -155,7 +162,13 @@ def corner_forces(problem: CentroidalProblem, x: np.ndarray) -> np.ndarray:
 def trajectory_of_corners(
     problem: CentroidalProblem, options: CentroidalOptions, forces: np.ndarray
 ) -> CentroidalTrajectory | None:
-    """What these forces really bring about, integrated; None where they are not finite."""
+    """The trajectory that these forces cause, by integration; None where they are not finite.
+
+    Args:
+        problem: contacts, mass and initial state.
+        options: its friction cone.
+        forces: (J, 4, 3) corner forces in the contact frames [M g].
+    """
     if not np.isfinite(forces).all():
         return None
     weight, mass = problem.mass * GRAVITY, problem.mass
@@ -169,7 +182,14 @@ def trajectory_of_corners(
 
 
 def run_trial(method: Method, problem: CentroidalProblem, options: CentroidalOptions, turns: int = 1) -> Trial:
-    """Asks so many times, or until `ENOUGH` seconds went by, keeps the least times, and judges the last answer."""
+    """Solves repeatedly, keeps the least times, and checks the last solution.
+
+    Args:
+        method: formulation, solver and cone.
+        problem: the question.
+        options: of the centroidal program; the method's cone replaces theirs.
+        turns: most repetitions; fewer once `ENOUGH` seconds have passed.
+    """
     options = replace(options, cone=method.cone)
     builds, solves = [], []
     with peak_memory() as memory:
@@ -189,7 +209,12 @@ def run_trial(method: Method, problem: CentroidalProblem, options: CentroidalOpt
 
 
 def newton_euler(problem: CentroidalProblem, t: CentroidalTrajectory) -> float:
-    """Greatest residual of l, com and k between knots, from world forces, pressure centres and torques [M g, M g m]."""
+    """Greatest residual of l, com and k between knots, from world forces, pressure centres and torques [M g, M g m].
+
+    Args:
+        problem: contacts and mass.
+        t: the trajectory.
+    """
     weight = problem.mass * GRAVITY
     dt = np.diff(t.t)[:, None]
     force, moment = np.tile([0.0, 0.0, -weight], (len(dt), 1)), np.zeros((len(dt), 3))

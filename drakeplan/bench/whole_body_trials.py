@@ -67,7 +67,12 @@ class _Program(Protocol):
 
 
 def whole_body_rows(robot: Robot, options: BenchOptions) -> tuple[list[Row], tuple[str, ...]]:
-    """One row for each formulation, and notes."""
+    """One row for each formulation, and notes.
+
+    Args:
+        robot: for which they are solved.
+        options: progress.
+    """
     rows = [kinodynamic_row(robot)]
     options.tell(f"kino-dynamic: {rows[-1][5]} of 1")
     rows.append(strip_row(robot))

@@ -29,7 +29,7 @@ class ClusterWorkers:
     worker after `task_timeout`.
 
     Raises:
-        InputError: dask is not installed, nobody answers at the address, or workers have more than one thread.
+        InputError: dask is not installed, no scheduler responds at the address, or workers have more than one thread.
     """
 
     def __init__(self, campaign: Campaign, address: str, *, task_timeout: float = 600.0) -> None:

@@ -1,4 +1,4 @@
-"""The campaign that gathers what the exact centroidal program says of contact transitions (Lin 2020 sec. 6.6).
+"""The campaign that labels contact transitions with the exact centroidal program (Lin 2020 sec. 6.6).
 
 Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 6.5, 6.6, fig. 6.4.
 Lin et al. 2019: Y.-C. Lin et al., "Efficient humanoid contact planning using learned centroidal dynamics prediction", sec. VII.
@@ -41,7 +41,7 @@ class DynamicsCampaign:
 
     Attributes:
         robot: its name.
-        friction: of every surface; the documents' 0.5 is "given and fixed".
+        friction: of every surface; 0.5 in Lin 2020 sec. 6.7.
         cone: friction cone of the program.
         walk: how each environment is walked through.
     """

@@ -1,7 +1,7 @@
 """Random terrain to collect labels on: tilted surfaces under the feet, tilted panels at the sides (Lin 2020 fig. 6.4 right).
 
-The documents draw tilts, wall orientation and wall distance at random and give no numbers: those here are ours, wide
-enough that the published scenes lie inside. Not every scene has both walls: what feet do alone must be seen too.
+Lin 2020 draws tilts, wall orientation and wall distance at random and gives no numbers: the ranges here are chosen wide
+enough to contain the published scenes. Not every scene has both walls, so that the data also has motions of feet alone.
 """
 
 from __future__ import annotations

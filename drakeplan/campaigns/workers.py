@@ -1,4 +1,4 @@
-"""Workers on this machine: one process each, replaced when it dies or hangs, at nobody else's cost."""
+"""Workers on this machine: one process each, replaced when it dies or hangs, without effect on the others."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Outcome:
 
 
 class Workers(Protocol):
-    """Something that runs tasks: on this machine, or on a cluster."""
+    """Runs tasks on this machine or on a cluster."""
 
     num_workers: int
 

@@ -311,7 +311,7 @@ def seconds_since_process_start() -> float:
 
 
 def _judges(report: dict[str, object]) -> list[str]:
-    """A line about who judged the transitions' dynamics, where somebody did."""
+    """A line with the number of transitions whose dynamics were evaluated by networks and by the program, if any."""
     asked = report.get("transitions_judged")
     if not isinstance(asked, dict) or not any(asked.values()):
         return []

@@ -44,7 +44,7 @@ class ContactPlan:
 
     Attributes:
         stances: from start to goal, consecutive ones differ in one end effector.
-        states: the planner's own names for them; nobody else reads them.
+        states: the planner's own names for them; only the planner reads them.
         cost: sum of the edge costs (Lin 2020 eq. 3.2).
         bound: at most this many times the optimum; None where there is no guarantee.
         expansions: nodes expanded, or programs solved, until it was found.
@@ -76,7 +76,7 @@ class PlannerCounts:
     Attributes:
         expansions: nodes expanded, or programs solved.
         ended_by: "deadline", "cancelled", "expansions", "improve", "bound" or "exhausted"; "" before it ended.
-        transitions_judged: transitions whose dynamics were asked for in all runs, by who answered ("learned", "exact").
+        transitions_judged: transitions whose dynamics were evaluated in all runs, by "learned" and "exact".
     """
 
     expansions: int = 0

@@ -27,11 +27,11 @@ VELOCITY_CELL = 0.1  # [m/s] given velocities nearer than this
 class Counted(Protocol):
     """An evaluator of dynamics that counts the transitions it was asked about."""
 
-    asked: Counter[str]  # transitions by who answered: "exact", "learned"
+    asked: Counter[str]  # transitions evaluated, by "exact" and "learned"
 
 
 class DynamicDomain(ABC):
-    """Costs, heuristic, goal, bars and counts of states that carry the CoM; subclasses add its dynamics.
+    """Costs, heuristic, goal, forbidden transitions and counts of states that carry the CoM; subclasses add its dynamics.
 
     Attributes:
         contacts: the same states without the CoM.
@@ -87,7 +87,7 @@ class DynamicDomain(ABC):
         return self.contacts.is_goal(state[:5])
 
     def confirm(self, parent: State, state: State) -> bool:
-        """Whether the transition is not barred, its dynamics hold and the body can follow them.
+        """Whether the transition is not forbidden, its dynamics hold and the body can follow them.
 
         Args:
             parent: the state before.

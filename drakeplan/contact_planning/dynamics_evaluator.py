@@ -41,7 +41,7 @@ class TransitionEstimates:
 class DynamicsEvaluator(Protocol):
     """Estimates the dynamics of all transitions of one expansion in a batch."""
 
-    asked: Counter[str]  # transitions by who answered: "exact", "learned"
+    asked: Counter[str]  # transitions evaluated, by "exact" and "learned"
 
     def evaluate(
         self, before: Held, after: Sequence[Held], com: np.ndarray, velocity: np.ndarray

@@ -23,7 +23,7 @@ class ContactPlanner(Protocol):
     """Finds contact sequences for one query. All that a query needs of a contact planner."""
 
     setup_s: float
-    """seconds it took to be made, the terrain packed where nobody had done that before"""
+    """seconds of construction, packing of the terrain included unless it was done before"""
 
     def start_problem(self) -> str:
         """Why the robot cannot stand at the start, "" if it can."""

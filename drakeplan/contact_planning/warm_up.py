@@ -47,6 +47,6 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
 def _judges(robot: Robot) -> tuple[DynamicsName, ...]:
     try:
         load_surrogate(robot)
-    except WeightsError:  # whoever asks for them is told
+    except WeightsError:  # reported where they are requested
         return ("quasi-static",)
     return ("quasi-static", "learned")

@@ -2,7 +2,7 @@
 
     contacts -> nearest contact regions -> elastic strip -> dynamics and motion -> verifier
 
-Each contact goes to the circle nearest to it by the distance of eq. 4.4; the elastic strip moves contacts and postures
+Each contact goes to the circle nearest to it by the distance of Lin 2020 eq. 4.4; the elastic strip moves contacts and postures
 together until limits, contact, balance and clearance hold; dynamics and motion are made anew over the contacts that come
 out. A place that the strip or the motion breaks at counts as further away from then on, until a contact goes elsewhere.
 """
@@ -48,8 +48,8 @@ from scenes.stance import Stance
 
 MAX_PER_PHASE = 10  # configurations; more make the strip slower and no better
 Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in
-PENALTY, MAX_PENALTIES = 0.04, 12  # [m] added to the distance of a place to blame, and how often for one repair
-BYSTANDER = 0.4  # share of the blame of contacts that are held where another, or the CoM, is off
+PENALTY, MAX_PENALTIES = 0.04, 12  # [m] added to the distance of a region that failed, and how often for one repair
+BYSTANDER = 0.4  # share of the penalty for contacts that are held where another contact, or the CoM, is at fault
 WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier
 
 
@@ -60,7 +60,7 @@ class DeformOptions:
     Attributes:
         strip: of the elastic strip; its cone is the plan's, whatever is said here.
         per_phase: configurations of each phase in the strip, 1 to 10.
-        furthest: distance (eq. 4.4) beyond which a region is no place for a contact [m].
+        furthest: distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact [m].
         repairs: times that contacts are sent elsewhere where strip or motion breaks, and the plan is deformed again.
         deadline: processor time of regions and strips together, after which no further repair is begun [s].
         motion: whether dynamics and motion are made anew and verified; False ends with the contacts.

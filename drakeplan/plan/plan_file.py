@@ -1,4 +1,4 @@
-"""Reads and writes plan files: HDF5, units and frames on every dataset, whole or not there at all.
+"""Reads and writes plan files: HDF5, units and frames on every dataset, written in one step.
 
 The same plan gives the same bytes: no time stamps, one order, no compression.
 """

@@ -1,4 +1,4 @@
-"""A plan in memory, put before the verifier: it judges files, so the plan is written first."""
+"""Verifies a plan in memory: the verifier reads files, so the plan is written first."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
     "--hide-scrollbars",
 )
-VIRTUAL_TIME = 4000  # [ms] that the page believes to have run
+VIRTUAL_TIME = 4000  # [ms] of virtual time that the page runs
 PATIENCE = 180.0  # [s]
 
 

@@ -183,7 +183,7 @@ def light_and_look(meshcat: Meshcat, view: View, extent: float) -> None:
 
 
 def _sun(meshcat: Meshcat, view: View, extent: float) -> None:
-    """Meshcat's spot light, far away and without decay; over the shoulder of whoever looks."""
+    """Meshcat's spot light, far away and without decay; from behind the camera."""
     sun = "/Lights/SpotLight/<object>"
     look = view.eye - view.target
     azimuth = np.arctan2(look[1], look[0]) + np.deg2rad(50.0)

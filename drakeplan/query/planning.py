@@ -25,7 +25,7 @@ from scenes.transition_model import transition_model
 
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
 COMPILING = 5.0  # [s] after which loading kernels must be compiling them
-MAX_REPAIRS = 12  # times that a refused sequence is barred and the search goes on
+MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
 
 

@@ -4,7 +4,7 @@
       ^                                    |            |
       +------------- bar <-----------------+------------+
 
-What a later step refuses is barred for the planner, and the search goes on with all that it has learnt.
+What a later step refuses is forbidden for the planner (`bar`), and the search resumes with its earlier results.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the ve
 
 
 class Query:
-    """The rounds of one query.
+    """Repeats search, dynamics, motion and verification until a plan is verified or a limit is reached.
 
     Attributes:
         refusal: the last one of motion or verification, None before.
@@ -72,11 +72,11 @@ class Query:
         return MotionMaker(self.context, wanted)
 
     def run(self, deadline: float, max_repairs: int) -> PlanResult:
-        """The verified plan, or how far it got.
+        """The verified plan, or the result of the step that failed.
 
         Args:
             deadline: seconds of search, all rounds together.
-            max_repairs: times that a refused sequence is barred and the search goes on.
+            max_repairs: times that a refused sequence is forbidden and the search resumes.
         """
         for repair in range(max_repairs + 1):
             sequence = self._search(deadline)
@@ -197,7 +197,7 @@ class Query:
     # 5 Bar -----------------------------------------------------------------------------------------------------------
 
     def _bar(self, refusal: Refusal) -> bool:
-        """Bars the transitions that a refusal is about; False where nobody knows which."""
+        """Forbids the transitions at fault for the planner; False where none can be named."""
         transitions = refusal.transitions()
         for transition in transitions:
             self.planner.forbid(refusal.sequence, transition)

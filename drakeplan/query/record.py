@@ -1,4 +1,4 @@
-"""The numbers of one query while it runs: what was found when, and where the time went."""
+"""The numbers of one query while it runs: results with their times, and the time of each step."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class QueryRecord:
         time_to_first_s: seconds of search until the first contact sequence.
         time_to_first_feasible_s: and until one was known to be dynamically feasible, its program included.
         sequences_tested: contact sequences whose whole dynamics were solved before the motion stage.
-        transitions_judged: transitions whose dynamics were asked for, by who answered.
+        transitions_judged: transitions whose dynamics were evaluated, by "learned" and "exact".
         planning_s, dynamics_s, motion_s, verification_s: where the time went.
-        repairs: times that a refused transition was barred and the search resumed.
+        repairs: times that a refused transition was forbidden and the search resumed.
         limits_fired: by name.
         notes: what was done otherwise than asked, one line each.
     """
@@ -72,7 +72,13 @@ class QueryRecord:
     notes: list[str] = field(default_factory=list)
 
     def as_dict(self, status: str, reason: str, verification: Report | None) -> dict[str, object]:
-        """The report: these numbers with status, reason and the verifier's word."""
+        """The report: these numbers with status, reason and the result of the verification.
+
+        Args:
+            status: of the query's result.
+            reason: one line; "" when complete.
+            verification: the verifier's report; None where it did not run.
+        """
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "began"}
         failed = [] if verification is None else [c.name for c in verification.checks if not c.ok]
         verified = verification is not None and verification.holds

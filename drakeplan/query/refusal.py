@@ -1,4 +1,4 @@
-"""Why a contact sequence did not become a verified plan, and which of its transitions are to be barred."""
+"""Why a contact sequence did not become a verified plan, and which of its transitions to forbid."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Refusal:
 
     @staticmethod
     def of_motion(sequence: ContactPlan, motion: MotionResult, verification: Report | None) -> Refusal:
-        """The refusal of a motion: by the verifier where the motion stage had nothing to say against it.
+        """The refusal of a motion: by the verifier where the motion stage reported nothing against it.
 
         Args:
             sequence: contacts.
@@ -50,10 +50,10 @@ class Refusal:
         return self.step == "dynamics" or (self.motion is not None and self.motion.centroidal is None)
 
     def transitions(self) -> list[int]:
-        """Transitions to bar, ascending; empty where nobody knows which.
+        """Transitions to forbid, ascending; empty where none can be named.
 
-        A swing that fails bars its own transition. What fails while all contacts of a stance are held is that stance's
-        fault, so the transition that led to it is barred.
+        A swing that fails forbids its own transition. What fails while all contacts of a stance are held is that stance's
+        fault, so the transition that led to it is forbidden.
         """
         if self.motion is None:
             return []

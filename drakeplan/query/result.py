@@ -1,4 +1,4 @@
-"""What came of a query."""
+"""The result of a query."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Status = Literal["complete", "contacts", "none"]
 
 @dataclass(frozen=True)
 class PlanResult:
-    """What came of a query.
+    """The result of a query.
 
     Attributes:
         status: "complete" (the verifier holds), "contacts" (a contact sequence without a verified motion) or "none".

@@ -3,7 +3,7 @@
 It searches any `Domain`; it knows no robots. Nodes carry their own parent, so every path that comes out has had each
 of its edges confirmed, even when a state is reached again more cheaply later on.
 
-    e(s) = (G - g(s)) / h(s)        the next node expanded is the one of greatest e       (algorithm 1, line 1)
+    e(s) = (G - g(s)) / h(s)        the next node expanded is the one of greatest e       (Lin 2020 algorithm 1, line 1)
     E    = max of e over OPEN       G is at most E times the optimum if h never overestimates
 
 Lin 2020 sec. 6.4 adds the epsilon-greedy choice: with probability epsilon any open node is expanded instead, which
@@ -30,7 +30,7 @@ TINY = 1e-9  # a heuristic below this counts as zero: the state is as good as at
 
 
 class Domain(Protocol[State]):
-    """All that the search asks of the thing it searches."""
+    """What the search needs of a search problem."""
 
     def successors(self, state: State) -> tuple[Sequence[State], np.ndarray]:
         """The next states and the (n,) costs >= 0 of reaching them, in one batch."""
@@ -45,7 +45,15 @@ class Domain(Protocol[State]):
         ...
 
     def confirm(self, parent: State, state: State) -> bool:
-        """The expensive check of one edge, asked once the state is about to be expanded."""
+        """The expensive check of one edge, called once the state is about to be expanded.
+
+        Args:
+            parent: the state that the edge leaves.
+            state: the state that it leads to.
+
+        Returns:
+            Whether the edge holds.
+        """
         ...
 
 
@@ -236,7 +244,7 @@ class AnaStar(Generic[State]):
         self._push(node)
 
     def _next_best(self, node: _Node[State]) -> None:
-        """After `confirm` turned this node down, lets the next cheapest way to its state into OPEN."""
+        """After `confirm` rejected this node, puts the next cheapest path to its state into OPEN."""
         if self._best_open.get(node.state) is not node:
             return
         others = self._others.get(node.state)

@@ -1,4 +1,4 @@
-"""How long the two parts of every transition take; the documents fix one second for each (Lin 2020 sec. 6.7)."""
+"""Durations of the two phases of a transition; Lin 2020 sec. 6.7 fixes one second for each."""
 
 from __future__ import annotations
 
@@ -44,11 +44,17 @@ class Timing:
 
     @property
     def documented(self) -> bool:
-        """Whether it is the documents', which surrogates have learned."""
+        """Whether the timing is that of Lin 2020 sec. 6.7, for which the surrogates were trained."""
         return (self.shift, self.swing) == (1.0, 1.0)
 
     def options(self, robot: Robot, cone: FrictionCone, *, rest_at_end: bool = False) -> CentroidalOptions:
-        """The centroidal program's options for this robot, cone and timing."""
+        """The centroidal program's options for this robot, cone and timing.
+
+        Args:
+            robot: whose limits the options have.
+            cone: friction cone of every contact.
+            rest_at_end: whether CoM and momenta must be at rest at the end.
+        """
         options = transition_options(robot, cone)
         return replace(
             options,

@@ -42,7 +42,14 @@ NOTES = (
 
 
 def table(robot: Robot, ik: WholeBodyIK, kept: KeptCases, tell: Callable[[str], None]) -> BenchTable:
-    """Every planner on both scenes, and the published row."""
+    """Every planner on both scenes, and the published row.
+
+    Args:
+        robot: that crosses.
+        ik: its inverse kinematics.
+        kept: cases that are not run again.
+        tell: called with one line of progress.
+    """
     rows = []
     for scene, cone, planners in CROSSINGS:
         for planner in planners:

@@ -38,7 +38,7 @@ class FirstSequence:
     Attributes:
         planner, seed: which.
         found: whether there is one in time.
-        feasible: whether its dynamics hold together.
+        feasible: whether the dynamics of the whole sequence are feasible.
         first_s: seconds until it came, those of programs whose answers failed inverse kinematics included.
         confirm_s: seconds of the program over the whole of it.
         solver: that answered.
@@ -55,7 +55,7 @@ class FirstSequence:
 
 @dataclass(frozen=True)
 class WholePlan:
-    """What a whole query came to.
+    """The result of a whole query.
 
     Attributes:
         planner, seed: which.
@@ -78,7 +78,15 @@ class WholePlan:
 def first_sequences(
     robot: Robot, ik: WholeBodyIK, seeds: int, kept: KeptCases, tell: Callable[[str], None]
 ) -> list[FirstSequence]:  # fmt: skip
-    """Every formulation on seeds 0 to `SEEDS` - 1."""
+    """First sequences of every formulation, on seeds 0 to `SEEDS` - 1.
+
+    Args:
+        robot: that crosses.
+        ik: its inverse kinematics.
+        seeds: how many, at most `SEEDS`.
+        kept: cases that are not run again.
+        tell: called with one line of progress.
+    """
     found = []
     for seed in range(min(seeds, SEEDS)):
         for planner in FORMULATIONS:
@@ -93,7 +101,14 @@ def first_sequences(
 def whole_plans(
     robot: Robot, seeds: int, kept: KeptCases, tell: Callable[[str], None]
 ) -> list[WholePlan]:  # fmt: skip
-    """Search and every formulation to the verifier's word; nothing goes on improving after the first sequence."""
+    """Whole queries by the search and every formulation, verification included, without improving after the first sequence.
+
+    Args:
+        robot: that crosses.
+        seeds: how many, at most `SEEDS`.
+        kept: cases that are not run again.
+        tell: called with one line of progress.
+    """
     found = []
     for seed in range(min(seeds, SEEDS)):
         for planner in (*MAIN, *FORMULATIONS):

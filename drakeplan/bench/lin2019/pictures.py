@@ -89,6 +89,11 @@ def draw_robustness(table: BenchTable) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a picture, making its folder when missing."""
+    """Writes a picture, making its folder when missing.
+
+    Args:
+        figure: to write.
+        path: the file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)

@@ -76,10 +76,14 @@ def _prediction(scene: str, predicted: np.ndarray, actual: np.ndarray) -> Predic
 
 
 def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope and intercept of y over x that a few far points do not move; NaN for too few points.
+    """Slope and intercept of a line through points, insensitive to a few outliers; NaN for too few points.
 
-    Iteratively reweighted least squares (Holland and Welsch 1977, whom the documents cite) with bisquare weights of the
-    residuals over their spread, which the points' leverage widens: far points count for nothing.
+    Iteratively reweighted least squares (Holland and Welsch 1977, cited by Lin 2020) with bisquare weights of the
+    residuals over their spread, which the points' leverage widens: far points have weight zero.
+
+    Args:
+        x: (n,) values.
+        y: (n,) values at x.
     """
     if len(x) < LEAST or np.ptp(x) == 0:
         return float("nan"), float("nan")

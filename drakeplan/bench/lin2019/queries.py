@@ -29,7 +29,7 @@ QUASI_STATIC, LEARNED = "quasi-static", "learned"
 RAW, EXACT, LAZY = "learned, uncalibrated", "exact, every branch", "exact, when popped"
 PLANNERS = (QUASI_STATIC, LEARNED, RAW, EXACT, LAZY)
 MAIN = (QUASI_STATIC, LEARNED)  # on all seeds, for fig. 7, 8 and 10; the others on the first `ABLATION_SEEDS`
-SHORT, LONG = 2.0, 10.0  # [s] of search; the documents' planners search for 30 s
+SHORT, LONG = 2.0, 10.0  # [s] of search; 30 s in Lin et al. 2019 sec. VIII
 ABLATION_SEEDS = 6  # that search for `LONG`, all others for `SHORT`
 DEADLINE = 30.0  # [s] of search where no sequence was found by then
 
@@ -42,7 +42,7 @@ class Query:
         scene, planner, seed: which.
         answer: after `SHORT` seconds of search, or after the first sequence where that came later.
         within: after exactly so many seconds, for every time that the query was searched for.
-        asked: transitions judged in the whole search, by who answered.
+        asked: transitions whose dynamics were evaluated in the whole search, by "learned" and "exact".
         why: why there is no sequence, "" where there is.
         busy: processor time of the search over its wall time: well below one where others used the machine.
     """
@@ -60,7 +60,15 @@ class Query:
 def all_queries(
     robot: Robot, ik: WholeBodyIK, seeds: int, kept: KeptCases, tell: Callable[[str], None]
 ) -> list[Query]:  # fmt: skip
-    """Seeds 0 to `seeds` - 1 in every scene; one line of progress for each query."""
+    """Queries for seeds 0 to `seeds` - 1 in every scene; one line of progress for each.
+
+    Args:
+        robot: that crosses.
+        ik: its inverse kinematics.
+        seeds: how many.
+        kept: cases that are not run again.
+        tell: called with one line of progress.
+    """
     _load_kernels(robot, ik)
     queries = []
     for scene in SCENES:
@@ -79,7 +87,7 @@ def all_queries(
 def planner_options(planner: str, seed: int, robot: Robot) -> tuple[PlannerOptions, SearchSettings]:
     """How each of `PLANNERS` searches.
 
-    Without calibration nothing tells the planner where not to trust its networks either. "Every branch" is as documented: a
+    Without calibration nothing tells the planner where not to trust its networks either. "Every branch" is as in Lin et al. 2019: a
     program for each new branch; "when popped" is what `--dynamics exact` does.
 
     Args:
@@ -99,7 +107,12 @@ def planner_options(planner: str, seed: int, robot: Robot) -> tuple[PlannerOptio
 
 
 def model_and_weights(robot: Robot, planner: str) -> dict[str, str]:
-    """What a kept case must have in common with a new one: the robot's model, and the weights of those who use any."""
+    """What a kept case must have in common with a new one: the robot's model, and the weights of the networks used.
+
+    Args:
+        robot: its model is hashed.
+        planner: one of `PLANNERS`; those without networks have no weights.
+    """
     return {
         "robot": robot.model_sha256,
         "weights": weights_digest(load_surrogate(robot)) if planner in (LEARNED, RAW) else "",
@@ -121,7 +134,13 @@ def weights_digest(surrogate: DynamicsSurrogate) -> str:
 
 
 def of(queries: Sequence[Query], scene: str, planner: str) -> list[Query]:
-    """Those of one planner on one scene, by seed."""
+    """Those of one planner on one scene, by seed.
+
+    Args:
+        queries: of all planners and scenes.
+        scene: its name.
+        planner: one of `PLANNERS`.
+    """
     return sorted((q for q in queries if (q.scene, q.planner) == (scene, planner)), key=lambda q: q.seed)
 
 

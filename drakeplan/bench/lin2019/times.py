@@ -43,7 +43,12 @@ class Series:
 
 
 def all_series(queries: Sequence[Query], firsts: Sequence[FirstSequence]) -> list[Series]:
-    """The search on both scenes, then the mixed-integer planners on theirs."""
+    """The search on both scenes, then the mixed-integer planners on theirs.
+
+    Args:
+        queries: of the search, on all scenes.
+        firsts: first sequences of the mixed-integer planners.
+    """
     found = []
     for scene in SCENES:
         for planner in PLANNERS:
@@ -115,7 +120,12 @@ def _row(series: Series, learned: Series, plans: Sequence[WholePlan]) -> tuple[o
 
 
 def ratio_of_means(over: dict[int, float], under: dict[int, float]) -> float:
-    """Mean over mean, of the seeds that both have; NaN without any."""
+    """Mean over mean, of the seeds that both have; NaN without any.
+
+    Args:
+        over: numerator by seed.
+        under: denominator by seed.
+    """
     both = sorted(over.keys() & under.keys())
     return _mean([over[s] for s in both]) / _mean([under[s] for s in both]) if both else float("nan")
 

@@ -47,8 +47,8 @@ class DynamicAnswer:
     """What differential dynamic programming found.
 
     Attributes:
-        converged: by crocoddyl's own word.
-        cost: the documents' objective, without penalties.
+        converged: as crocoddyl reports.
+        cost: the objective of Lin 2020 sec. 6.3, without penalties.
         time: seconds in its solver.
         x: states and corner forces, as `interior_point.InteriorPoint.judge` reads them.
     """

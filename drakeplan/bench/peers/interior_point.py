@@ -41,11 +41,11 @@ def available() -> bool:
 
 @dataclass(frozen=True, eq=False)
 class PeerAnswer:
-    """What the interior point says.
+    """The result of the interior-point solver.
 
     Attributes:
         feasible: whether its last iterate satisfies every constraint to `HOLDS`.
-        cost: the documents' objective there.
+        cost: the objective of Lin 2020 sec. 6.3 there.
         violation: greatest violation [scaled units].
         time: seconds in IPOPT.
         x: the last iterate.
@@ -103,15 +103,16 @@ def _vector(data: _Data) -> np.ndarray:
 
 
 class InteriorPoint:
-    """The nonlinear program of one contact structure; poses, friction, mass and states are parameters.
-
-    Args:
-        problem: any problem of that structure, without references for CoM or angular momentum.
-        options: limits, weights and a polyhedral cone.
-        with_cost: False for the question of feasibility alone.
-    """
+    """The nonlinear program of one contact structure; poses, friction, mass and states are parameters."""
 
     def __init__(self, problem: CentroidalProblem, options: CentroidalOptions, *, with_cost: bool = True) -> None:
+        """Builds the program.
+
+        Args:
+            problem: any problem of that structure, without references for CoM or angular momentum.
+            options: limits, weights and a polyhedral cone.
+            with_cost: False for the question of feasibility alone.
+        """
         import casadi as ca  # optional: nobody but the one who asks for it needs it
 
         self._ca, self.options = ca, options
@@ -208,7 +209,12 @@ class InteriorPoint:
                 self._add(state[3:9], 0, 0)
 
     def guess(self, problem: CentroidalProblem, rng: np.random.Generator | None = None) -> np.ndarray:
-        """A straight course to the last feet with the weight shared evenly; scattered where `rng` is given."""
+        """A straight CoM course to the last feet with the weight shared evenly.
+
+        Args:
+            problem: of this program's structure.
+            rng: perturbs the guess at random; None: no perturbation.
+        """
         data = _numbers(problem, self.options)
         start, end = data.initial[:3], data.initial[9:12]
         parts = []
@@ -225,7 +231,12 @@ class InteriorPoint:
         return np.concatenate(parts)
 
     def solve(self, problem: CentroidalProblem, x0: np.ndarray) -> PeerAnswer:
-        """Solves from x0."""
+        """Solves the program from a first guess.
+
+        Args:
+            problem: of this program's structure.
+            x0: the guess [scaled units].
+        """
         data = _vector(_numbers(problem, self.options))
         started = time.perf_counter()
         answer = self._solver(x0=x0, p=data, lbg=self.lower, ubg=self.upper)
@@ -235,19 +246,34 @@ class InteriorPoint:
         return PeerAnswer(violation <= HOLDS, cost, violation, elapsed, x)
 
     def judge(self, problem: CentroidalProblem, x: np.ndarray) -> tuple[float, float]:
-        """Cost and greatest violation [scaled units] of any x."""
+        """Cost and greatest violation [scaled units] of given variables.
+
+        Args:
+            problem: of this program's structure.
+            x: the variables [scaled units].
+        """
         cost, _ = self._functions(x, _vector(_numbers(problem, self.options)))
         g = self.rows(problem, x)
         excess = np.max(np.maximum(self.lower - g, g - self.upper), initial=0.0)
         return float(cost), float(excess) if np.isfinite(g).all() else np.inf
 
     def rows(self, problem: CentroidalProblem, x: np.ndarray) -> np.ndarray:
-        """(m,) values of the constraints, to lie between `lower` and `upper`."""
+        """(m,) values of the constraints [scaled units], to lie between `lower` and `upper`.
+
+        Args:
+            problem: of this program's structure.
+            x: the variables [scaled units].
+        """
         _, g = self._functions(x, _vector(_numbers(problem, self.options)))
         return np.asarray(g).ravel()
 
     def from_trajectory(self, problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> np.ndarray:
-        """The x of a trajectory, each wrench spread over its corners by least squares: a start near an answer."""
+        """The variables of a trajectory, as a first guess; each wrench is spread over its corners by least squares.
+
+        Args:
+            problem: of this program's structure.
+            trajectory: over the same knots.
+        """
         weight, parts = problem.mass * GRAVITY, []
         for n, row in enumerate(self.active):
             state = (trajectory.com[n + 1], trajectory.linear_momentum[n + 1] / problem.mass)

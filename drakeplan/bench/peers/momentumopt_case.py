@@ -43,7 +43,7 @@ class Variant:
 
     Attributes:
         name: in the file.
-        problem, options: in our words; reach is missing in them (see `build`).
+        problem, options: in the terms of drakeplan; reach is missing in them (see `build`).
         goal: (3,) where the CoM should end [m].
         reach: (E,) greatest distance from the CoM to a centre of pressure [m].
         cop_range: (E, 4) least and greatest x, least and greatest y of the centre of pressure [m].
@@ -69,7 +69,12 @@ class Variant:
     time_weight: float
 
     def build(self, problem: CentroidalProblem, options: CentroidalOptions) -> CentroidalProgram:
-        """The program with the reference's reach: |com - p - R cop| <= reach + ARM s, a cone in com, z and s."""
+        """The program with the reference's reach: |com - p - R cop| <= reach + ARM s, a cone in com, z and s.
+
+        Args:
+            problem: of this variant, perhaps with another timing.
+            options: of the centroidal program.
+        """
         program = CentroidalProgram(problem, options)
         p_WC, R_WC, _ = problem.schedule.poses()
         interval, effector = np.nonzero(problem.schedule.active >= 0)
