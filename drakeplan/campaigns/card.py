@@ -1,4 +1,4 @@
-"""The card of a data set: enough to know it by and to make it again, without the data."""
+"""The card of a data set: the facts that identify it and allow to make it again, without the data."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Walks through a terrain as the planner does, asking the exact program what becomes of its branches.
+"""Walks through a terrain as the planner does, and labels its branches with the exact program.
 
-The planner expands a state, judges every branch, and goes on from a feasible one, mostly the nearest to the goal, sometimes
+The planner expands a state, evaluates every branch, and continues from a feasible one, mostly the nearest to the goal, sometimes
 any (Lin 2020 sec. 6.4, 6.6). A walk does the same, but labels only a few branches of each category at each state, and
-turns to the categories that it lacks: an ordinary search would make a hundred foot moves for each palm that lets go.
+prefers the categories with few labels: an ordinary search makes a hundred foot moves for each palm contact it breaks.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ PAGE = Path("docs/benchmarks.md")
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan bench`."""
+    """Arguments of `drakeplan bench`."""
 
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = ""
     """name of the benchmark (default: all)"""

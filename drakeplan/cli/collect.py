@@ -37,7 +37,7 @@ examples:
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan collect`."""
+    """Arguments of `drakeplan collect`."""
 
     campaign: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="CAMPAIGN")]
     """what to collect"""

@@ -26,7 +26,7 @@ PORTS = (1024, 65535)
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan play`."""
+    """Arguments of `drakeplan play`."""
 
     plan: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLAN.h5")]
     """the plan file"""

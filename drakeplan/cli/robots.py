@@ -22,7 +22,7 @@ examples:
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan robots`."""
+    """Arguments of `drakeplan robots`."""
 
     action: Annotated[Literal["list"], tyro.conf.Positional, tyro.conf.arg(metavar="list")] = "list"
     """what to do"""

@@ -25,7 +25,7 @@ examples:
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan scenes`."""
+    """Arguments of `drakeplan scenes`."""
 
     action: Annotated[
         Literal["list", "show", "export"], tyro.conf.Positional, tyro.conf.arg(metavar="list|show|export")

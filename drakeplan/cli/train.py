@@ -37,7 +37,7 @@ QUIET = 0.5  # [s] between lines on a terminal
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan train`."""
+    """Arguments of `drakeplan train`."""
 
     surrogate: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SURROGATE")]
     """which one: dynamics"""
@@ -48,7 +48,7 @@ class Arguments:
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
     """robot of the labels"""
     kind: Literal["palms", "shared", "documented"] = "palms"
-    """a network for each number of palms held, one for all (for few labels), or two for each category as documented"""
+    """a network for each number of palms held, one for all (for few labels), or two for each category as in Lin et al. 2019"""
     width: int | None = None
     """units of a hidden layer (default: 384; shared 192, documented 256)"""
     depth: int | None = None

@@ -23,7 +23,7 @@ exit status: 0 the plan holds, 1 it does not, 2 it cannot be read"""
 
 @dataclass(frozen=True)
 class Arguments:
-    """Words after `drakeplan verify`."""
+    """Arguments of `drakeplan verify`."""
 
     plan: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLAN.h5")]
     """the plan file"""

@@ -1,9 +1,9 @@
 """Contact planning with dynamics, one transition after the other: states carry the CoM and its velocity (Lin 2020 sec. 6.4).
 
-CoM states over one set of contacts that are nearer than a cell count as one, or the tree would never meet itself.
+CoM states over one set of contacts that are nearer than a cell count as one; otherwise no state would be reached twice.
 
-Whether forces can bring a transition about is asked for all children at once; whether the body can be there is asked
-of inverse kinematics when a state is popped, with the CoM held where the dynamics leave it.
+The dynamics of all children are evaluated at once; inverse kinematics is solved when a state is popped, with the CoM
+where the dynamics leave it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every contact that a search has met, by number, so that a stance is a handful of integers."""
+"""All contacts that a search has generated, by number, so that a stance is four integers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What search problems share whose states carry the dynamics of the CoM (Lin 2020 sec. 6.4).
+"""The common part of search problems whose states include the motion of the CoM (Lin 2020 sec. 6.4).
 
 A state is six integers: the five of `contact_domain`, and a number that stands for what the CoM does.
 

@@ -1,4 +1,4 @@
-"""Can the body do this step? Balance and reach at the two critical configurations (Lin 2020 sec. 3.3).
+"""Checks balance and reach of a transition at its two critical configurations (Lin 2020 sec. 3.3).
 
 A transition is supported by the contacts that both stances share. At its first critical configuration the mover has
 just broken its old contact, at the second it is about to make the new one; at both the centre of mass must lie over

@@ -1,11 +1,11 @@
-"""Contact planning with the exact dynamics of the last transitions together, asked only when a state is popped.
+"""Contact planning with the exact dynamics of the last transitions together, solved only when a state is popped.
 
 The sixth number of a state stands for a window: the stances of the last transitions and the body's state before them.
-What happened earlier is settled, what happens in between is not. d_dyn is the window's least objective over its transitions.
+That state is fixed; the states within the window are free. d_dyn is the window's least objective over its transitions.
 
 One transition after the other with least effort (Lin 2020 sec. 6.4) gets stuck where a step needs speed that the ones
-before it had no reason to give. And a program for every child would be asked about forty where one or two are popped: d_dyn
-is charged when its state is confirmed.
+before it had no reason to give. And a program for every child would mean about forty programs where one or two children
+are popped: d_dyn is charged when its state is confirmed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a planner hands over: contacts, stances, phases, dynamics, motion and where they come from.
+"""The result of planning: contacts, stances, phases, dynamics, motion and provenance.
 
 The classes mirror the plan file one to one: a field is a dataset or an attribute of it. Arrays are time first, SI units,
 W is the world. Everything is copied in, checked once and read-only from then on.

@@ -92,7 +92,7 @@ def draw_scene(meshcat: Meshcat, scene: Scene, triangles: np.ndarray) -> np.ndar
 
 
 def _walls(meshcat: Meshcat, mesh: terrain_mesh.ColouredMesh) -> None:
-    """Solid from in front, a mere tint from behind, so that a wall never hides who walks beside it."""
+    """Solid from in front, a mere tint from behind, so that a wall never hides a robot beside it."""
     if not len(mesh):
         return
     _mesh(meshcat, "terrain/walls", mesh, one_sided=True)

@@ -7,10 +7,10 @@ of its edges confirmed, even when a state is reached again more cheaply later on
     E    = max of e over OPEN       G is at most E times the optimum if h never overestimates
 
 Lin 2020 sec. 6.4 adds the epsilon-greedy choice: with probability epsilon any open node is expanded instead, which
-lets the search out of cul-de-sacs and leaves every guarantee as it is.
+lets the search leave dead ends and keeps every guarantee.
 
 Costs may come late, as in Lazy Weighted A* (Cohen, Phillips, Likhachev, SoCS 2014): a domain may charge the rest of an edge
-once it is confirmed, and the node then waits its turn at what it really costs.
+once it is confirmed, and the node then returns to OPEN with its full cost.
 """
 
 from __future__ import annotations
