@@ -14,7 +14,7 @@ CLEAR_TO_END = "\033[K"  # of a terminal's line
 
 @dataclass(frozen=True)
 class ProgressEvent:
-    """One thing worth telling.
+    """One progress event.
 
     Attributes:
         stage: what is going on: "load", "search", "dynamics", "motion", "verify" or "write".

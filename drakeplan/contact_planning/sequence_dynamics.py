@@ -1,4 +1,4 @@
-"""The dynamics of a whole contact sequence: what decides whether a search result that only looked at single steps holds.
+"""Dynamics of a whole contact sequence: the test of a search result whose steps were judged one by one.
 
 Lin et al. 2019 sec. VI and VIII: the search judges every transition on its own; only what it returns goes through the program
 over all contacts, from rest to rest.

@@ -1,4 +1,4 @@
-"""Loads every compiled kernel that a query needs, so that the first query is as fast as the next."""
+"""Loads all compiled kernels that a query needs, before its clock starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plan made of its parts: what every way of finding contacts and motions ends with."""
+"""Assembles a plan from its parts; every planner ends here."""
 
 from __future__ import annotations
 

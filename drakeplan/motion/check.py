@@ -1,4 +1,4 @@
-"""What is wrong with a motion: every violation with its time, its size and what it is about."""
+"""Violations of a motion: kind, time, size, and the body or joint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The frames of one motion: first every frame by itself, then what collides, jerks or cannot be followed is mended."""
+"""The frames of one motion: each frame is solved alone, then collisions, jerks and CoM errors are repaired."""
 
 from __future__ import annotations
 

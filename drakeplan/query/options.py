@@ -1,4 +1,4 @@
-"""What a user may choose about a query, and what that makes of the scene."""
+"""Options of a query, and the scene with these options applied."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans a scene: options, kernels and dynamics chosen; one query, and a second one where the first needs it."""
+"""Plans a scene: chooses the dynamics, runs one query, and a second quasi-static one if the first has no verified plan."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ class Query:
     # What comes out --------------------------------------------------------------------------------------------------
 
     def _incomplete(self) -> PlanResult:
-        """The last sequence that motion or verification refused, else why there is none."""
+        """The result without a verified plan: the last refused sequence, or the reason why there is none."""
         refusal = self.refusal
         if refusal is not None:
             plan = self._assemble(refusal.sequence, None)
