@@ -37,7 +37,6 @@ PRIVATE = (  # phrases that only their author understands
     "empty of meaning",
     "believes its solver",
 )
-STILL_IN_CODE: tuple[str, ...] = ()  # phrases that wait to be reworded
 
 
 def read(path: Path) -> str:
@@ -145,10 +144,7 @@ def strings() -> list[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize(
-    "phrase",
-    [pytest.param(p, marks=[pytest.mark.xfail(strict=True)] if p in STILL_IN_CODE else []) for p in PRIVATE],
-)
+@pytest.mark.parametrize("phrase", PRIVATE)
 def test_messages_and_docstrings_are_free_of_private_phrases(phrase: str) -> None:
     assert len(strings()) > 5000
     assert not [place for place, text in strings() if phrase in text]
