@@ -5,7 +5,7 @@ Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (di
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,20 +14,29 @@ from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import CentroidalOptions
-from optimization.centroidal.problem import CentroidalProblem, structure
-from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program_cache import ProgramCache
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 
 def transition_options(robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> CentroidalOptions:
-    """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible."""
+    """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible.
+
+    Args:
+        robot: gives height, reach and force limits.
+        cone: friction cone.
+    """
     return replace(CentroidalOptions.for_robot(robot, cone), rest_at_end=False, explain=False)
 
 
 def transition_schedule(stances: Sequence[Stance], options: CentroidalOptions) -> ContactSchedule:
     """Stances in the time that the options give each transition; one interval more makes the last contact count.
+
+    Args:
+        stances: consecutive ones; they differ in one end effector.
+        options: dt, shift and swing time [s].
 
     Raises:
         InputError: a pair of stances that does not differ in exactly one end effector.
@@ -59,10 +68,16 @@ class TransitionDynamics:
     def __init__(self, robot: Robot, options: CentroidalOptions | None = None) -> None:
         self.robot = robot
         self.options = options or transition_options(robot)
-        self._programs: dict[Hashable, CentroidalProgram] = {}
+        self._programs = ProgramCache(self.options)
 
     def problem(self, before: Stance, after: Stance, com: np.ndarray, linear_momentum: np.ndarray) -> CentroidalProblem:
-        """The centroidal problem of one transition; arguments as for `estimate`."""
+        """The centroidal problem of one transition; arguments as for `estimate`.
+
+        Args:
+            before, after: consecutive stances; they differ in one end effector.
+            com: (3,) CoM at the start, in W [m].
+            linear_momentum: (3,) at the start [kg m/s].
+        """
         schedule = transition_schedule([before, after], self.options)
         return CentroidalProblem(
             schedule=schedule,
@@ -85,17 +100,7 @@ class TransitionDynamics:
         Raises:
             InputError: the stances do not differ in exactly one end effector, or a number is not finite.
         """
-        return self._program(self.problem(before, after, com, linear_momentum)).solve()
-
-    def _program(self, problem: CentroidalProblem) -> CentroidalProgram:
-        """The program of this structure with these numbers; there are some dozens of structures."""
-        key = structure(problem)
-        program = self._programs.get(key)
-        if program is None:
-            program = self._programs[key] = CentroidalProgram(problem, self.options)
-        else:
-            program.update(problem)
-        return program
+        return self._programs.program(self.problem(before, after, com, linear_momentum)).solve()
 
     def final_state(self, estimate: CentroidalEstimate) -> tuple[np.ndarray, np.ndarray]:
         """(3,) CoM [m] and (3,) velocity [m/s] at the end of a transition, the child state's.

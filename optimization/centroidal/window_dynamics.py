@@ -8,21 +8,19 @@ transitions stays open until what follows is known, as in control with a recedin
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import CentroidalOptions
-from optimization.centroidal.problem import CentroidalProblem, structure
-from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.problem import CentroidalProblem
+from optimization.centroidal.program_cache import ProgramCache
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.centroidal.transition_dynamics import transition_schedule
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
-
-MOST_PROGRAMS = 60  # kept, by structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +58,7 @@ class TailDynamics:
         self._shift = max(1, round(options.shift_time / options.dt))
         self._swing = max(1, round(options.swing_time / options.dt))
         self.asked: Counter[str] = Counter()
-        self._programs: dict[Hashable, CentroidalProgram] = {}
+        self._programs = ProgramCache(self.options)
 
     def solve(self, start: BodyState, stances: Sequence[Stance]) -> CentroidalEstimate:
         """What the exact program says of these transitions in a row.
@@ -82,26 +80,24 @@ class TailDynamics:
             initial_angular_momentum=start.angular_momentum,
         )
         self.asked["exact"] += 1
-        return self._program(problem).solve()
+        return self._programs.program(problem).solve()
 
     def at_touchdown(self, trajectory: CentroidalTrajectory, transition: int) -> BodyState:
-        """The state when this transition (0, 1, ...) has ended and the shift over the stance it led to begins."""
+        """The state when this transition (0, 1, ...) has ended and the shift over the stance it led to begins.
+
+        Args:
+            trajectory: answer of `solve`.
+            transition: number of the transition in it, from 0.
+        """
         n = (transition + 1) * (self._shift + self._swing)
         return BodyState(trajectory.com[n], trajectory.linear_momentum[n], trajectory.angular_momentum[n])
 
     def at_lift_off(self, trajectory: CentroidalTrajectory, transition: int) -> BodyState:
-        """The state when the end effector of this transition leaves its old contact."""
+        """The state when the end effector of this transition leaves its old contact.
+
+        Args:
+            trajectory: answer of `solve`.
+            transition: number of the transition in it, from 0.
+        """
         n = transition * (self._shift + self._swing) + self._shift
         return BodyState(trajectory.com[n], trajectory.linear_momentum[n], trajectory.angular_momentum[n])
-
-    def _program(self, problem: CentroidalProblem) -> CentroidalProgram:
-        """The program of this structure with these numbers."""
-        key = structure(problem)
-        program = self._programs.get(key)
-        if program is None:
-            if len(self._programs) == MOST_PROGRAMS:
-                self._programs.pop(next(iter(self._programs)))
-            program = self._programs[key] = CentroidalProgram(problem, self.options)
-        else:
-            program.update(problem)
-        return program

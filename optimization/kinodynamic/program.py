@@ -6,15 +6,16 @@ generation", IROS 2016, sec. III; as used in Lin 2020 sec. 7.3.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import CentroidalOptions
-from optimization.centroidal.problem import CentroidalProblem, structure
+from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.program import CentroidalProgram
+from optimization.centroidal.program_cache import ProgramCache
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.inverse_kinematics.frame_task import DistanceRows, TrackingTargets, no_rows
 from optimization.kinodynamic.alternation import alternate
@@ -31,7 +32,6 @@ from scenes.robots.robot import Robot
 HOLD = 300.0  # [1/m] weight of contacts that are held
 # Where CoM, linear and angular momentum of both halves agree, RMS and worst.
 AGREEMENT = MomentumGap(Gap(0.01, 0.01), Gap(2.0, 6.0), Gap(2.0, 5.0))
-MOST_PROGRAMS = 64  # of different structures that are kept for the next problem
 SWING = (60.0, 15.0)  # [1/m, 1/rad] weights of the place and turn of an end effector in the air
 
 
@@ -158,10 +158,10 @@ class KinodynamicProgram:
         plant = (robot_plant or build_plant(robot)).plant
         self.kinematics = Kinematics.from_plant(plant, [e.frame for e in robot.effectors])
         self.effort = effort_limits(plant)
-        self._programs: dict[Hashable, CentroidalProgram] = {}
         weights = self.options.centroidal.weights
         pulled = replace(weights, com_tracking=self.options.com_pull, angular_momentum=self.options.momentum_pull)
-        self._pulled = replace(self.options.centroidal, weights=pulled)
+        self._first = ProgramCache(self.options.centroidal)
+        self._again = ProgramCache(replace(self.options.centroidal, weights=pulled))
 
     def solve(self, problem: KinodynamicProblem) -> KinodynamicEstimate:
         """Dynamics and kinematics in turns.
@@ -217,7 +217,7 @@ class KinodynamicProgram:
         self, problem: KinodynamicProblem, motion: TrackedMotion | None, last: CentroidalEstimate | None
     ) -> CentroidalEstimate:
         """The centroidal program: at first as it is given, then near what the motion does."""
-        centroidal, again = problem.centroidal, motion is not None
+        centroidal = problem.centroidal
         if motion is not None:
             start = centroidal.initial_angular_momentum
             centroidal = replace(
@@ -225,18 +225,13 @@ class KinodynamicProgram:
                 com_reference=motion.com,
                 angular_momentum_reference=np.vstack([start, motion.momentum[:, :3]]),
             )
-        key = again, structure(centroidal)
-        program = self._programs.get(key)
-        rows = self._torque_rows(problem, motion) if motion is not None and self.options.torque_limits else None
-        if program is not None and rows is None:
-            program.update(centroidal)
+        if motion is None:
+            program = self._first.program(centroidal)
+        elif self.options.torque_limits:
+            program, rows = CentroidalProgram(centroidal, self._again.options), self._torque_rows(problem, motion)
+            program.add_rows("joint torques", lambda: rows.in_program(program.data.index["wrench"]))
         else:
-            program = CentroidalProgram(centroidal, self._pulled if again else self.options.centroidal)
-            if rows is not None:
-                program.add_rows("joint torques", lambda: rows.in_program(program.data.index["wrench"]))
-            if len(self._programs) >= MOST_PROGRAMS:
-                del self._programs[next(iter(self._programs))]
-            self._programs[key] = program
+            program = self._again.program(centroidal)
         if last is not None and last.trajectory is not None:
             program.start_from(last.trajectory)
         return program.solve()
@@ -353,9 +348,12 @@ class KinodynamicProgram:
         """
         nv, N, E = self.kinematics.num_velocities, problem.centroidal.schedule.num_knots, len(self.robot.effectors)
         shapes = {
-            "q_start": (nv + 1,), "v_start": (nv,), "q_reference": (N, nv + 1), "X_WE": (N, E, 4, 4),
+            "q_start": (nv + 1,),
+            "v_start": (nv,),
+            "q_reference": (N, nv + 1),
+            "X_WE": (N, E, 4, 4),
             "effector_weight": (N, E, 2),
-        }  # fmt: skip
+        }
         clean: dict[str, np.ndarray] = {}
         for name, shape in shapes.items():
             value = getattr(problem, name)
@@ -372,7 +370,12 @@ class KinodynamicProgram:
 
 
 def knot_gap(trajectory: CentroidalTrajectory, motion: TrackedMotion) -> MomentumGap:
-    """Kinematics less dynamics at knots 1..N-1, in the centroidal program's discrete equations."""
+    """Kinematics less dynamics at knots 1..N-1, in the centroidal program's discrete equations.
+
+    Args:
+        trajectory: of the dynamics, N knots.
+        motion: of the kinematics, N frames at the same times.
+    """
     return MomentumGap(
         Gap.of(motion.com[1:] - trajectory.com[1:]),
         Gap.of(motion.momentum[:, 3:] - trajectory.linear_momentum[1:]),
