@@ -13,8 +13,9 @@ import copy
 import numpy as np
 
 from drakeplan.contact_planning.contact_pool import ContactPool, Held
-from optimization.balance.friction import FrictionCone, cone_generators, frame_stands_alone
-from optimization.balance.static_equilibrium import com_polygon
+from optimization.balance.balance_regions import balance_polygon
+from optimization.balance.friction import cone_generators, cone_index, frame_stands_alone
+from optimization.balance.static_equilibrium import ContactArrays
 from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
 from optimization.multibody.terrain_clearance import limbs, penetration
 from scenes.robots.robot import Robot
@@ -172,16 +173,10 @@ class TransitionCheck:
             return None
         effectors = self.pool.effector[numbers]
         generators = np.stack([self._cone(self.pool.friction(n)) for n in numbers])
-        corners = np.empty((MAX_CORNERS, 2))
-        count = com_polygon(
-            self.pool.p[numbers],
-            self.pool.R[numbers],
-            self._half[effectors],
-            generators,
-            self._limit[effectors],
-            corners,
-        )
-        return corners[:count].copy() if count >= 3 else None
+        poses = self.pool.p[numbers], self.pool.R[numbers]
+        arrays = ContactArrays(*poses, self._half[effectors], generators, self._limit[effectors])
+        corners = balance_polygon(arrays, MAX_CORNERS)
+        return corners if len(corners) >= 3 else None
 
     def _cone(self, mu: float) -> np.ndarray:
         if mu not in self._generators:

@@ -20,8 +20,7 @@ from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.motion.separation import Room, separate_bodies
 from drakeplan.motion.swing import SwingCurve
 from drakeplan.timing.phases import MOVE, Schedule
-from optimization.balance.friction import FrictionCone, cone_generators
-from optimization.balance.static_equilibrium import com_polygon
+from optimization.balance.balance_regions import balance_polygon, contact_arrays
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -83,18 +82,8 @@ class BalanceRegions:
     def __call__(self, contacts: tuple[Contact, ...]) -> np.ndarray:
         """(V, 2) corners, CCW [m]; V = 0 where the contacts balance nowhere."""
         if contacts not in self._known:
-            effectors = [e.name for e in self._robot.effectors]
-            index = [effectors.index(c.effector) for c in contacts]
-            corners = np.empty((MAX_CORNERS, 2))
-            count = com_polygon(
-                np.array([c.p_WC for c in contacts]),
-                np.array([c.R_WC for c in contacts]),
-                self._robot.half_extents[index],
-                np.array([cone_generators(self._cone, c.friction) for c in contacts]),
-                self._robot.force_limit[index],
-                corners,
-            )
-            self._known[contacts] = corners[: max(count, 0)].copy()
+            arrays = contact_arrays(contacts, self._robot, self._cone)
+            self._known[contacts] = balance_polygon(arrays, MAX_CORNERS)
         return self._known[contacts]
 
 
@@ -248,9 +237,16 @@ def solve_course(
     tree = ik.kinematics.tree
     turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
     targets = TrackingTargets(
-        X_WE, place, turn, com, np.full((num, 3), COM), q, posture_weight(len(tree.lower)),
-        tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
-    )  # fmt: skip
+        X_WE,
+        place,
+        turn,
+        com,
+        np.full((num, 3), COM),
+        q,
+        posture_weight(len(tree.lower)),
+        tree.lower + KNEE_SLACK,
+        tree.upper - KNEE_SLACK,
+    )
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
     room = Room.of(robot, monitor, spread)
     q = separate_bodies(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
@@ -354,9 +350,16 @@ def _targets(
     hold = np.where(placed >= 0, HOLD, 0.0)
     weight = posture_weight(len(tree.lower))
     return TrackingTargets(
-        X_WE, hold, LEVER * hold, com, np.tile([COM, COM, 0.0], (num, 1)), q_ref, weight,
-        tree.lower + KNEE_SLACK, tree.upper - KNEE_SLACK,
-    )  # fmt: skip
+        X_WE,
+        hold,
+        LEVER * hold,
+        com,
+        np.tile([COM, COM, 0.0], (num, 1)),
+        q_ref,
+        weight,
+        tree.lower + KNEE_SLACK,
+        tree.upper - KNEE_SLACK,
+    )
 
 
 def posture_weight(num_joints: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Where the centre of mass of a strip may be: balance polygons of sets of contacts, and the rows that keep it there."""
+"""Balance polygons of sets of contacts: over which points the centre of mass can rest while they carry the robot."""
 
 from __future__ import annotations
 
@@ -6,29 +6,88 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from optimization.balance.friction import FrictionCone, cone_generators
-from optimization.balance.static_equilibrium import com_polygon
+from optimization.balance.friction import DEFAULT_CONE, cone_generators
+from optimization.balance.static_equilibrium import ContactArrays, com_polygon
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.robots.robot import Robot
 
-MAX_CORNERS = 24  # of a balance polygon; the others matter least
+ROOM = 256  # vertices that no polygon of four contacts exceeds
+STRIP_CORNERS = 24  # of a strip's balance polygons; the others matter least
 NARROW = 0.4  # share of the way from the nearest edge of a narrow polygon to its centroid that stands for the margin
 
 
+def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> ContactArrays:
+    """The arrays of some of a robot's contacts, with friction from the contacts.
+
+    Args:
+        contacts: n of them.
+        robot: gives patch sizes [m] and force limits [M g].
+        cone: one of `optimization.balance.friction.CONES`.
+
+    Raises:
+        InputError: no friction cone has this name.
+    """
+    index = [EFFECTORS.index(c.effector) for c in contacts]
+    num_g = len(cone_generators(cone, 0.0))
+    return ContactArrays(
+        p_WC=np.array([c.p_WC for c in contacts], float).reshape(-1, 3),
+        R_WC=np.array([c.R_WC for c in contacts], float).reshape(-1, 3, 3),
+        half=np.array([robot.effectors[i].half_extent for i in index], float).reshape(-1, 2),
+        generators=np.array([cone_generators(cone, c.friction) for c in contacts], float).reshape(-1, num_g, 3),
+        force_limit=np.array([robot.force_limit[i] for i in index], float),
+    )
+
+
+def balance_polygon(arrays: ContactArrays, most: int = ROOM) -> np.ndarray:
+    """(V, 2) all points over which the CoM can rest while exactly these contacts carry it, counter-clockwise, W [m].
+
+    V = 0 nowhere (also without contacts), 1 a point, 2 a segment.
+
+    Args:
+        arrays: the contacts.
+        most: greatest V; the vertices that matter least are left out.
+    """
+    if not len(arrays.p_WC):
+        return np.zeros((0, 2))
+    out = np.empty((most, 2))
+    return out[: com_polygon(*arrays, out)].copy()
+
+
+def balance_region(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> np.ndarray:
+    """All points over which the robot's centre of mass can rest while exactly these contacts carry it.
+
+    Args:
+        contacts: held at once, at most one per end effector.
+        robot: gives patch sizes and force limits.
+        cone: one of `optimization.balance.friction.CONES`.
+
+    Returns:
+        (V, 2) vertices [m] in W, counter-clockwise; V = 0 nowhere, 1 a point, 2 a segment.
+
+    Raises:
+        InputError: no friction cone has this name.
+    """
+    return balance_polygon(contact_arrays(contacts, robot, cone))
+
+
 class BalancePolygons:
-    """Balance polygons of sets of some contacts whose poses change, each worked out once between two changes."""
+    """Balance polygons of sets of some contacts whose poses change, each worked out once between two changes.
+
+    Args:
+        robot: gives patch sizes and force limits.
+        contacts: C of them.
+        cone: one of `optimization.balance.friction.CONES`.
+    """
 
     def __init__(self, robot: Robot, contacts: Sequence[Contact], cone: FrictionCone) -> None:
-        self._which = np.array([EFFECTORS.index(c.effector) for c in contacts], np.int64)
-        self._generators = [cone_generators(cone, c.friction) for c in contacts]
-        self._half, self._limit = robot.half_extents, robot.force_limit
-        self._X_WC = np.array([c.X_WC for c in contacts]).reshape(-1, 4, 4)
+        self._arrays = contact_arrays(contacts, robot, cone)
         self._known: dict[tuple[int, ...], np.ndarray] = {}
 
     def move(self, X_WC: np.ndarray) -> None:
         """Puts the contacts at these poses (C, 4, 4)."""
-        self._X_WC, self._known = X_WC, {}
+        self._arrays = self._arrays._replace(p_WC=X_WC[:, :3, 3], R_WC=X_WC[:, :3, :3])
+        self._known = {}
 
     def __call__(self, held: np.ndarray) -> np.ndarray:
         """(V, 2) polygon of the contacts that `held` names, -1 for none, counter-clockwise [m]; V = 0 where there is no
@@ -36,15 +95,8 @@ class BalancePolygons:
         """
         key = tuple(int(c) for c in held if c >= 0)
         if key not in self._known:
-            index, corners = list(key), np.empty((MAX_CORNERS, 2))
-            count = 0
-            if index:
-                count = com_polygon(
-                    np.ascontiguousarray(self._X_WC[index, :3, 3]), np.ascontiguousarray(self._X_WC[index, :3, :3]),
-                    self._half[self._which[index]], np.array([self._generators[c] for c in index]),
-                    self._limit[self._which[index]], corners,
-                )  # fmt: skip
-            self._known[key] = corners[: max(count, 0)].copy()
+            held_arrays = ContactArrays(*(np.ascontiguousarray(array[list(key)]) for array in self._arrays))
+            self._known[key] = balance_polygon(held_arrays, STRIP_CORNERS)
         return self._known[key]
 
 
@@ -53,6 +105,10 @@ def edge_rows(polygon: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarra
 
     A polygon narrower than that keeps a share of the way from its nearest edge to its centroid. Fewer than three corners
     give no rows.
+
+    Args:
+        polygon: (V, 2) vertices [m] in W, counter-clockwise.
+        margin: distance to keep from the edges [m].
     """
     if len(polygon) < 3:
         return np.zeros((0, 2)), np.zeros(0)

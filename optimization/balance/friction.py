@@ -93,7 +93,9 @@ def cone_rows(cone: FrictionCone, mu: float) -> np.ndarray:
 
     A row's tangential part has unit length, so rows @ f is the force [N] that sticks out. The last row is fz >= 0.
 
-    Args and errors as for `cone_generators`.
+    Args:
+        cone: one of `CONES`.
+        mu: Coulomb coefficient of the true cone [-].
 
     Returns:
         (G + 1, 3).
@@ -124,6 +126,7 @@ def excess(cone: int, mu: float, fx: float, fy: float, fz: float) -> float:
     Args:
         cone: INNER, SQUARE, SECOND_ORDER or DIAMOND.
         mu: Coulomb coefficient [-].
+        fx, fy, fz: the force in C, in any unit.
     """
     a, b = abs(fx), abs(fy)
     if a < b:
@@ -141,7 +144,13 @@ def excess(cone: int, mu: float, fx: float, fy: float, fz: float) -> float:
 
 @njit(cache=True)
 def excess_many(cone: int, mu: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """(n,) `excess` of the forces f (n, 3) under the coefficients mu (n,)."""
+    """(n,) `excess` of the forces f (n, 3) under the coefficients mu (n,).
+
+    Args:
+        cone: index of the cone in `CONES`.
+        mu: (n,) Coulomb coefficients [-].
+        f: (n, 3) forces in C [N, or any unit: the answer has the same].
+    """
     out = np.empty(f.shape[0])
     for i in range(f.shape[0]):
         out[i] = excess(cone, mu[i], f[i, 0], f[i, 1], f[i, 2])
@@ -168,17 +177,14 @@ def contains(cone: FrictionCone, mu: ArrayLike, f: ArrayLike, tol: float = 1e-9)
 
 @njit(cache=True)
 def frame_stands_alone(cone: int, mu: float, R_WC: np.ndarray) -> bool:
-    """Whether one contact with this orientation (3, 3) can carry a resting robot by itself; see `stands_alone`."""
+    """Whether one contact with this orientation (3, 3) can carry a resting robot by itself; see `stands_alone`.
+
+    Args:
+        cone: index of the cone in `CONES`.
+        mu: Coulomb coefficient [-].
+        R_WC: (3, 3) contact orientation.
+    """
     return excess(cone, mu, R_WC[2, 0], R_WC[2, 1], R_WC[2, 2]) <= 1e-12
-
-
-@njit(cache=True)
-def frames_stand_alone(cone: int, mu: np.ndarray, R_WC: np.ndarray) -> np.ndarray:
-    """(n,) `frame_stands_alone` of orientations (n, 3, 3) under coefficients mu (n,)."""
-    out = np.empty(R_WC.shape[0], np.bool_)
-    for i in range(R_WC.shape[0]):
-        out[i] = frame_stands_alone(cone, mu[i], R_WC[i])
-    return out
 
 
 def stands_alone(cone: FrictionCone, mu: ArrayLike, R_WC: ArrayLike) -> np.ndarray:

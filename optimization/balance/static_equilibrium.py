@@ -5,7 +5,7 @@ of four corner forces inside its friction cone, and may press with a limited nor
 need not be coplanar, and the height of the centre of mass does not matter. The admissible points form a convex
 polygon in the plane (Bretl & Lall 2008), which is computed exactly: with a feasible basis in hand, the direction
 turns once around and every pivot walks along one edge (the shadow-vertex rule of Gass & Saaty 1955), so a polygon of
-V vertices costs little more than V pivots. `static_equilibrium_program` states the same problem for Drake.
+V vertices costs little more than V pivots. `reference_program` states the same problem for Drake.
 
 Bretl & Lall 2008: "Testing static equilibrium for legged robots", IEEE T-RO 24(4).
 Caron et al. 2015: "Stability of surface contacts for humanoid robots", ICRA.
@@ -17,14 +17,11 @@ Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning", sec. 3.3.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_generators
 from optimization.balance.patch_simplex import (
     ENTERS,
     MAX_PIVOTS,
@@ -41,17 +38,10 @@ from optimization.balance.patch_simplex import (
     transform_moving,
     wrench,
 )
-from scenes.contact import Contact
-from scenes.effector import EFFECTORS
-from scenes.stance import Stance, changed_effector
-
-if TYPE_CHECKING:
-    from scenes.robots.robot import Robot
 
 MAX_WALK = 2000  # pivots of one polygon; 4 contacts under the 16-gon take 100
 DISTINCT = 1e-9  # [m] vertices that stand out less than this are left out
 COARSER = 1e-5  # [m] where thinning starts once there are too many
-ROOM = 256  # vertices of a friendly polygon at most
 
 
 class ContactArrays(NamedTuple):
@@ -74,9 +64,13 @@ class ContactArrays(NamedTuple):
 
 @njit(cache=True)
 def is_balanced(
-    p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray,
+    p_WC: np.ndarray,
+    R_WC: np.ndarray,
+    half: np.ndarray,
+    generators: np.ndarray,
+    force_limit: np.ndarray,
     com_xy: np.ndarray,
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether a robot at rest with its centre of mass over `com_xy` can be held by these contacts.
 
         exists  w >= 0:   sum_j w_j (f_j, p_j x f_j) = (e_z, com x e_z),    sum_{j in contact c} w_j <= limit_c
@@ -102,9 +96,13 @@ def _new_basis(m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @njit(cache=True)
 def com_polygon(
-    p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray,
+    p_WC: np.ndarray,
+    R_WC: np.ndarray,
+    half: np.ndarray,
+    generators: np.ndarray,
+    force_limit: np.ndarray,
     out: np.ndarray,
-) -> int:  # fmt: skip
+) -> int:
     """All points over which the centre of mass can rest, as a convex polygon.
 
     Args:
@@ -282,8 +280,10 @@ def polygon_margin(polygon: np.ndarray, count: int, x: float, y: float) -> float
     """Signed distance of a point from a convex polygon's boundary [m]: positive inside, not positive outside.
 
     Args:
-        polygon: (V, 2) counter-clockwise vertices; the first `count` are real. A point (1) or a segment (2) has no
-            inside; no polygon at all (0) is infinitely far.
+        polygon: (V, 2) counter-clockwise vertices [m].
+        count: how many of them are real. A point (1) or a segment (2) has no inside; no polygon at all (0) is
+            infinitely far.
+        x, y: the point, in the frame of the polygon [m].
     """
     nearest, inside = np.inf, count > 2
     for a in range(count):
@@ -292,74 +292,3 @@ def polygon_margin(polygon: np.ndarray, count: int, x: float, y: float) -> float
         ex, ey = polygon[b, 0] - polygon[a, 0], polygon[b, 1] - polygon[a, 1]
         inside = inside and ex * (y - polygon[a, 1]) - ey * (x - polygon[a, 0]) >= 0.0
     return nearest if inside else -nearest
-
-
-def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactArrays:
-    """The arrays of some of a robot's contacts: patches and force limits from the robot, friction from the contacts.
-
-    Raises:
-        InputError: no friction cone has this name.
-    """
-    index = [EFFECTORS.index(c.effector) for c in contacts]
-    num_g = len(cone_generators(cone, 0.0))
-    return ContactArrays(
-        p_WC=np.array([c.p_WC for c in contacts], float).reshape(-1, 3),
-        R_WC=np.array([c.R_WC for c in contacts], float).reshape(-1, 3, 3),
-        half=np.array([robot.effectors[i].half_extent for i in index], float).reshape(-1, 2),
-        generators=np.array([cone_generators(cone, c.friction) for c in contacts], float).reshape(-1, num_g, 3),
-        force_limit=np.array([robot.force_limit[i] for i in index], float),
-    )
-
-
-def balance_region(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> np.ndarray:
-    """All points over which the robot's centre of mass can rest while exactly these contacts carry it.
-
-    Args:
-        contacts: held at once, at most one per end effector.
-        robot: gives patch sizes and force limits.
-        cone: `optimization.balance.friction.FrictionCone`.
-
-    Returns:
-        (V, 2) vertices [m] in W, counter-clockwise; V = 0 nowhere, 1 a point, 2 a segment.
-
-    Raises:
-        InputError: no friction cone has this name.
-    """
-    out = np.empty((ROOM, 2))
-    return out[: com_polygon(*contact_arrays(contacts, robot, cone), out)].copy()
-
-
-@dataclass(frozen=True, eq=False)
-class CriticalConfiguration:
-    """A moment of a transition at which balance is hardest: the moving end effector touches and carries nothing.
-
-    Attributes:
-        support: the contacts that carry the robot.
-        touching: where the moving end effector is, None where it is free.
-        region: (V, 2) where the centre of mass may be [m] in W, counter-clockwise; V = 0 when the support cannot hold.
-    """
-
-    support: tuple[Contact, ...]
-    touching: Contact | None
-    region: np.ndarray
-
-
-def transition_regions(
-    before: Stance, after: Stance, robot: Robot, cone: FrictionCone = DEFAULT_CONE
-) -> tuple[CriticalConfiguration, CriticalConfiguration]:
-    """The two critical configurations of a transition (Lin 2020, sec. 3.3).
-
-    In the first the moving end effector has just broken contact, in the second it is about to make contact. The
-    contacts that both stances share carry both, so the regions are equal; what differs is where the moving end effector
-    must be, and so where the rest of the robot can be.
-
-    Raises:
-        ValueError: the stances do not differ in exactly one end effector.
-        InputError: no friction cone has this name.
-    """
-    moving = changed_effector(before, after)
-    support = before.replace(moving, None).held
-    region = balance_region(support, robot, cone)
-    region.setflags(write=False)
-    first = CriticalConfiguration(support, before.contacts[moving], region)
-    return first, CriticalConfiguration(support, after.contacts[moving], region)

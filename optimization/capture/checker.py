@@ -82,7 +82,12 @@ class CaptureOptions:
 
 
 def capture_options(robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> CaptureOptions:
-    """The documented times with a robot's limits; it must be at rest at the end, wherever its CoM is then."""
+    """The documented times with a robot's limits; it must be at rest at the end, wherever its CoM is then.
+
+    Args:
+        robot: gives the limits.
+        cone: friction cone.
+    """
     centroidal = replace(
         CentroidalOptions.for_robot(robot, cone), final_half_width=None, rest_at_end=True, tolerance=TOLERANCE
     )
@@ -177,7 +182,13 @@ class CaptureChecker:
         return not attempt.gaps or attempt.gaps[0].over(self.options.kinodynamic.agreement) > FAR
 
     def attempt(self, question: CaptureQuestion, state: FittedState, swing_time: float) -> CaptureAttempt:
-        """One swing time [s], 0 for zero-step capture, from a fitted state."""
+        """One swing time [s], 0 for zero-step capture, from a fitted state.
+
+        Args:
+            question: stance, next contact and state.
+            state: posture and joint velocities fitted to the question's state.
+            swing_time: [s], 0 for zero-step capture.
+        """
         problem = self.problem(question, swing_time)
         whole_body = KinodynamicProblem(problem, state.q, v_start=state.v)
         estimate = self._program.solve(whole_body)
@@ -189,7 +200,12 @@ class CaptureChecker:
         return CaptureAttempt(swing_time, reason, estimate.gaps, estimate)
 
     def problem(self, question: CaptureQuestion, swing_time: float) -> CentroidalProblem:
-        """The centroidal problem: the swing's stance for `swing_time` [s], then the final one, to the horizon."""
+        """The centroidal problem: the swing's stance for `swing_time` [s], then the final one, to the horizon.
+
+        Args:
+            question: stance, next contact and state.
+            swing_time: [s], 0 for zero-step capture.
+        """
         dt = self.options.steps(swing_time)
         start = np.concatenate([[0.0], np.cumsum(dt)[:-1]])
         swing, final = question.swing_stance.contacts, question.final_stance.contacts
@@ -241,13 +257,3 @@ def state_fault(state: FittedState) -> str:
         if amount > limit:
             return f"start: {name} by {amount:.3g} {unit}: no posture or joint speeds within the limits have this state"
     return ""
-
-
-def with_limits(options: CaptureOptions, *, angular_momentum: float, angular_momentum_rate: float) -> CaptureOptions:
-    """The same options with other bounds on |k_i| [N m s] and |kdot_i| [N m]."""
-    centroidal = replace(
-        options.kinodynamic.centroidal,
-        angular_momentum_limit=(angular_momentum,) * 3,
-        angular_momentum_rate_limit=(angular_momentum_rate,) * 3,
-    )
-    return replace(options, kinodynamic=replace(options.kinodynamic, centroidal=centroidal))

@@ -28,8 +28,3 @@ class CentroidalEstimate:
     records: tuple[SolveRecord, ...]
     trajectory: CentroidalTrajectory | None
     stopped: str = ""
-
-    @property
-    def solve_record(self) -> SolveRecord | None:
-        """The last convex program that was solved."""
-        return self.records[-1] if self.records else None

@@ -80,10 +80,17 @@ def read_capsules(
     first = np.cumsum([0] + [len(c) for c in capsules])
     spheres = np.array([_sphere_around(c) for c in capsules]).reshape(-1, 4)
     body = BodyCapsules(
-        np.array(links, np.int64), first.astype(np.int64), ends[:, :3].copy(), ends[:, 3:6].copy(), ends[:, 6].copy(),
+        np.array(links, np.int64),
+        first.astype(np.int64),
+        ends[:, :3].copy(),
+        ends[:, 3:6].copy(),
+        ends[:, 6].copy(),
         0.5 * np.linalg.norm(ends[:, 3:6] - ends[:, :3], axis=1),
-        spheres[:, :3].copy(), spheres[:, 3].copy(), np.array(pairs, np.int64).reshape(-1, 2), np.zeros(len(pairs)),
-    )  # fmt: skip
+        spheres[:, :3].copy(),
+        spheres[:, 3].copy(),
+        np.array(pairs, np.int64).reshape(-1, 2),
+        np.zeros(len(pairs)),
+    )
     R, p = kinematics.link_poses(q_nominal)
     rows = CapsuleRows(*(np.empty(shape, kind) for shape, kind in row_shapes(len(pairs))))
     for k in range(close_pairs(body, R, p, np.inf, rows)):
@@ -197,6 +204,11 @@ def closest_on_segments(
     """Writes the nearest points a, b (3,) of two segments; returns their distance.
 
     Ericson, Real-Time Collision Detection, 2005, sec. 5.1.9.
+
+    Args:
+        a0, a1: (3,) ends of the first segment [m].
+        b0, b1: (3,) ends of the second [m].
+        a, b: (3,) written, in the same frame [m].
     """
     aa, bb, ab, ar, br = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
@@ -233,6 +245,12 @@ def close_pairs(body: BodyCapsules, R: np.ndarray, p: np.ndarray, within: float,
     """Finds the pairs of shapes closer than `within` [m] beyond their clearance, from the link poses of `forward`.
 
     Each gives one entry of `rows`, for the nearest two of its capsules. Returns how many; the rest is left out.
+
+    Args:
+        body: the shapes.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        within: [m].
+        rows: written.
     """
     num_shapes, num_capsules = body.link.shape[0], body.radius.shape[0]
     centre = np.empty((num_shapes, 3))
@@ -279,9 +297,16 @@ def _between_middles(a0: np.ndarray, a1: np.ndarray, b0: np.ndarray, b1: np.ndar
 
 @njit(cache=True)
 def _write_row(
-    rows: CapsuleRows, count: int, pair: int, link_a: int, link_b: int, a: np.ndarray, b: np.ndarray, length: float,
+    rows: CapsuleRows,
+    count: int,
+    pair: int,
+    link_a: int,
+    link_b: int,
+    a: np.ndarray,
+    b: np.ndarray,
+    length: float,
     distance: float,
-) -> None:  # fmt: skip
+) -> None:
     """Fills entry `count`: the nearest points a, b (3,) of the axes, `length` [m] apart."""
     rows.pair[count] = pair
     rows.link[count, 0], rows.link[count, 1] = link_a, link_b
@@ -293,19 +318,17 @@ def _write_row(
 
 
 @njit(cache=True)
-def least_clearance(body: BodyCapsules, R: np.ndarray, p: np.ndarray, rows: CapsuleRows, within: float) -> float:
-    """The least distance beyond the clearance to keep over all pairs [m], at most `within`."""
-    least = within
-    for k in range(close_pairs(body, R, p, within, rows)):
-        least = min(least, rows.distance[k] - body.clearance[rows.pair[k]])
-    return least
-
-
-@njit(cache=True)
 def distance_row(tree: KinematicTree, R: np.ndarray, p: np.ndarray, rows: CapsuleRows, k: int, row: np.ndarray) -> None:
     """Writes row (nv,), the derivative of distance k of `rows` with respect to v.
 
     The points' velocities differ along the normal only by the joints between the two links: the base moves both.
+
+    Args:
+        tree: of the robot.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        rows: from `close_pairs`.
+        k: number of the distance.
+        row: (nv,) written.
     """
     row[:] = 0.0
     n = rows.normal[k]

@@ -10,21 +10,13 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
+from optimization.balance.balance_regions import balance_region, contact_arrays
 from optimization.balance.friction import CONES, cone_generators, cone_rows, corner_points
 from optimization.balance.reference_program import StaticEquilibriumProgram
-from optimization.balance.static_equilibrium import (
-    ContactArrays,
-    balance_region,
-    com_polygon,
-    contact_arrays,
-    is_balanced,
-    polygon_margin,
-    transition_regions,
-)
+from optimization.balance.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
 from scenes.contact import Contact, contact_pose
-from scenes.effector import EFFECTORS, LEFT_FOOT, LEFT_PALM, RIGHT_FOOT
+from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
-from scenes.stance import Stance
 
 FOOT, PALM = (0.11, 0.05), (0.045, 0.045)
 UP = np.array([0.0, 0.0, 1.0])
@@ -376,34 +368,6 @@ def test_drake_program_finds_nothing_where_nothing_holds():
     assert len(balance_region([steep], ROBOT)) == 0
     with pytest.raises(ValueError, match="finite"):
         program.is_balanced(np.array([np.nan, 0.0]))
-
-
-# Transitions --------------------------------------------------------------------------------------------------------
-
-
-def test_both_critical_configurations_of_a_step_rest_on_what_the_stances_share():
-    left, right, palm, _ = random_contacts(np.random.default_rng(3), 4)
-    before = Stance((left, right, palm, None))
-    moved = Contact("left_foot", 0, contact_pose("left_foot", [0.3, 0.1, 0.05], UP, 0.0), 0.5)
-    broken, made = transition_regions(before, before.replace(LEFT_FOOT, moved), ROBOT)
-    assert broken.support == made.support == (right, palm)
-    assert broken.touching is left
-    assert made.touching is moved
-    assert np.array_equal(broken.region, balance_region((right, palm), ROBOT))
-    assert np.array_equal(broken.region, made.region)
-
-
-def test_making_and_breaking_a_palm_contact_are_critical_without_the_palm():
-    left, right, palm, _ = random_contacts(np.random.default_rng(4), 4)
-    feet, with_palm = Stance((left, right, None, None)), Stance((left, right, palm, None))
-    free, touching = transition_regions(feet, with_palm, ROBOT)
-    assert free.touching is None
-    assert touching.touching is palm
-    assert free.support == (left, right)
-    assert [c.touching for c in transition_regions(with_palm, feet, ROBOT)] == [palm, None]
-    with pytest.raises(ValueError, match="one end effector"):
-        transition_regions(feet, with_palm.replace(RIGHT_FOOT, None), ROBOT)
-    assert with_palm.contacts[LEFT_PALM] is palm
 
 
 def test_an_unknown_cone_is_refused_by_name():

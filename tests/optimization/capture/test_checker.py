@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from optimization.capture.checker import CaptureAnswer, CaptureChecker, CaptureOptions, capture_options, with_limits
+from optimization.capture.checker import CaptureAnswer, CaptureChecker, CaptureOptions, capture_options
 from optimization.capture.inverted_pendulum import (
     angular_allowance,
     capture_point,
@@ -111,7 +111,10 @@ def test_without_friction_no_push_along_the_ground_is_captured(checker: CaptureC
 
 def test_a_robot_that_may_not_turn_its_body_is_captured_only_inside_its_foot(checker: CaptureChecker) -> None:
     """With |k| and |kdot| held near zero the pendulum's bound closes on the foot's edge."""
-    strict = with_limits(checker.options, angular_momentum=0.3, angular_momentum_rate=1.0)
+    limits = {"angular_momentum_limit": (0.3,) * 3, "angular_momentum_rate_limit": (1.0,) * 3}
+    kinodynamic = checker.options.kinodynamic
+    kinodynamic = replace(kinodynamic, centroidal=replace(kinodynamic.centroidal, **limits))
+    strict = replace(checker.options, kinodynamic=kinodynamic)
     stiff = CaptureChecker(ROBOT, strict)
     omega = frequency(0.9)
     inside, outside = (omega * (0.11 + margin) for margin in (-0.03, 0.02))

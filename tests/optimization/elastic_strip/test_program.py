@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydrake.solvers import ClarabelSolver
 
+from optimization.balance.balance_regions import balance_region
 from optimization.balance.reference_program import StaticEquilibriumProgram
-from optimization.balance.static_equilibrium import balance_region
 from optimization.elastic_strip.check import GOOD_BALANCE, GOOD_CLEARANCE, GOOD_CONTACT
 from optimization.elastic_strip.problem import BALANCE, CONTACT, Gathering, StripEstimate, StripOptions, StripProblem
 from optimization.elastic_strip.program import ElasticStrip
