@@ -96,17 +96,14 @@ class MotionFrames:
     trajectory: CentroidalTrajectory
 
     def __init__(
-        self, setting: Setting, schedule: Schedule, keys: KeyPostures, dynamics: SequenceDynamics, com_course: ComCourse | None = None
-    ) -> None:  # fmt: skip
-        """Prepares the frames and plans the course through the key postures.
-
-        Args:
-            setting: robot, terrain and options.
-            schedule: the phases.
-            keys: one posture for each phase boundary.
-            dynamics: the centroidal program of the sequence.
-            com_course: CoM to follow from key posture to key posture; None: the CoM takes the shortest way.
-        """
+        self,
+        setting: Setting,
+        schedule: Schedule,
+        keys: KeyPostures,
+        dynamics: SequenceDynamics,
+        guide: Guide | None = None,
+    ) -> None:
+        """A `guide` is what the CoM follows from key posture to key posture; without, it takes the shortest way."""
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)
@@ -234,9 +231,14 @@ class MotionFrames:
         wanted = self._wanted(self._met)
         free = np.isfinite(wanted)
         self._targets = replace(
-            self._targets, q_ref=q, posture_weight=FAITHFUL * posture_weight(len(self.tree.lower)),
-            place_weight=weight[:, :, 0], turn_weight=weight[:, :, 1], com=com, com_weight=np.full((num, 3), FIRM_COM),
-        )  # fmt: skip
+            self._targets,
+            q_ref=q,
+            posture_weight=FAITHFUL * posture_weight(len(self.tree.lower)),
+            place_weight=weight[:, :, 0],
+            turn_weight=weight[:, :, 1],
+            com=com,
+            com_weight=np.full((num, 3), FIRM_COM),
+        )
         nv = q.shape[1] - 1
         links = MomentumTargets(
             dt=np.full(num - 1, step),

@@ -51,10 +51,15 @@ class Room:
         return np.array([self.least.get(bodies, self.spread) for bodies in met.bodies])
 
 
-def separate_bodies(
-    tree: KinematicTree, monitor: ProximityMonitor, targets: TrackingTargets, answer: TrackedPostures,
-    placed: np.ndarray, room: Room, reserve: float = RESERVE,
-) -> TrackedPostures:  # fmt: skip
+def apart(
+    tree: KinematicTree,
+    monitor: ProximityMonitor,
+    targets: TrackingTargets,
+    answer: TrackedPostures,
+    placed: np.ndarray,
+    room: Room,
+    reserve: float = RESERVE,
+) -> TrackedPostures:
     """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
 
     Args:
@@ -110,9 +115,14 @@ def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
             normal[b, e], room[b, e] = leg / length, lengths[e] - length
     count = 2 * len(q)
     pairs = Encounters(
-        np.repeat(np.arange(len(q)), 2), room.ravel(), np.tile(np.array(links), (len(q), 1)),
-        np.zeros((count, 2, 3)), normal.reshape(-1, 3), np.tile([0, 1], len(q)), (("hip", "ankle"),) * count,
-    )  # fmt: skip
+        np.repeat(np.arange(len(q)), 2),
+        room.ravel(),
+        np.tile(np.array(links), (len(q), 1)),
+        np.zeros((count, 2, 3)),
+        normal.reshape(-1, 3),
+        np.tile([0, 1], len(q)),
+        (("hip", "ankle"),) * count,
+    )
     return pairs, room.ravel()
 
 

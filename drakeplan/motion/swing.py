@@ -97,6 +97,20 @@ def hover(contact: Contact, height: float = HOVER) -> SwingCurve:
     return SwingCurve(contact.X_WC, contact.X_WC, height, height, np.zeros(3), along=np.inf)
 
 
+class _Obstacles(NamedTuple):
+    """What a swing must not meet.
+
+    Attributes:
+        packed: the terrain.
+        around: (K,) indices of its polygons near the swing.
+        blocks: (B, 4, 3) rectangles of the other leg in W [m].
+    """
+
+    packed: PackedTerrain
+    around: np.ndarray
+    blocks: np.ndarray
+
+
 def plan_swing(
     packed: PackedTerrain,
     before: Contact,
@@ -135,11 +149,11 @@ def plan_swing(
     reach = float(np.hypot(*half_extent)) + clearance + SIDES[-1] + abs(pushed)
     low = np.minimum(X_WA[:2, 3], X_WB[:2, 3]) - reach - LIFTS[-1]
     high = np.maximum(X_WA[:2, 3], X_WB[:2, 3]) + reach + LIFTS[-1]
-    around = near(packed, low[0], low[1], high[0], high[1])
+    obstacles = _Obstacles(packed, near(packed, low[0], low[1], high[0], high[1]), blocks)
     along = ALONG if foot else np.inf
     for share in MARGINS:
         box[3] = share * clearance
-        shape, push, hits = _lowest(packed, around, blocks, X_WA, X_WB, away, box, along, raised, pushed)
+        shape, push, hits = _lowest(obstacles, X_WA, X_WB, away, box, along, raised, pushed)
         if hits == 0:
             break
     lift, lower, travel, back, beyond = shape
@@ -149,9 +163,14 @@ def plan_swing(
 def mirrored(curve: SwingCurve) -> SwingCurve:
     """The same way walked from its end to its start."""
     return replace(
-        curve, X_WA=curve.X_WB, X_WB=curve.X_WA, lift=curve.lower, lower=curve.lift, back=curve.beyond,
+        curve,
+        X_WA=curve.X_WB,
+        X_WB=curve.X_WA,
+        lift=curve.lower,
+        lower=curve.lift,
+        back=curve.beyond,
         beyond=curve.back,
-    )  # fmt: skip
+    )
 
 
 def _away(before: Contact, after: Contact, other: Contact | None) -> np.ndarray:
@@ -274,16 +293,22 @@ def _level(yaw: float) -> np.ndarray:
 
 @njit(cache=True)
 def _lowest(
-    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WA: np.ndarray, X_WB: np.ndarray,
-    away: np.ndarray, box: np.ndarray, along: float, raised: float, pushed: float,
-) -> tuple[_Shape, float, int]:  # fmt: skip
+    obstacles: _Obstacles,
+    X_WA: np.ndarray,
+    X_WB: np.ndarray,
+    away: np.ndarray,
+    box: np.ndarray,
+    along: float,
+    raised: float,
+    pushed: float,
+) -> tuple[_Shape, float, int]:
     """(shape, push, hits) of the cheapest clear curve at the least push, else of the cheapest of all.
 
     Heights grow one at a time: the first while the first half meets something, the second while the second does.
     Where no height does, the foot draws back on that side, and the heights grow anew.
     """
     u = np.linspace(0.0, 1.0, SAMPLES)
-    free = np.array([_free_margin(packed, around, blocks, X, box) for X in (X_WA, X_WB)])
+    free = np.array([_free_margin(obstacles, X, box) for X in (X_WA, X_WB)])
     heights = len(LIFTS)
     last = heights * (len(BACKS) if np.isfinite(along) else 1)
     best, best_push, best_hits, cost = _Shape(LIFTS[0], LIFTS[0], TRAVELS[0], 0.0, 0.0), pushed, 2 * SAMPLES, np.inf
@@ -295,7 +320,7 @@ def _lowest(
                 back, beyond = BACKS[i // heights], BACKS[j // heights]
                 shape = _Shape(LIFTS[i % heights] + raised, LIFTS[j % heights] + raised, travel, back, beyond)
                 poses = _curve(X_WA, X_WB, shape, side, along, u)
-                early, late = _hits(packed, around, blocks, poses, u, box, free, travel)
+                early, late = _hits(obstacles, poses, u, box, free, travel)
                 hits = early + late
                 price = shape.lift + shape.lower + back + beyond + HIT * hits + (LATE if travel > TRAVELS[0] else 0.0)
                 if (hits == 0 and best_hits > 0) or (price < cost and (hits == 0 or best_hits > 0)):
@@ -311,9 +336,13 @@ def _lowest(
 
 @njit(cache=True)
 def _hits(
-    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, poses: np.ndarray, u: np.ndarray, box: np.ndarray,
-    free: np.ndarray, travel: float,
-) -> tuple[int, int]:  # fmt: skip
+    obstacles: _Obstacles,
+    poses: np.ndarray,
+    u: np.ndarray,
+    box: np.ndarray,
+    free: np.ndarray,
+    travel: float,
+) -> tuple[int, int]:
     """Samples of the first and of the second half whose box meets a polygon of the terrain or a block.
 
     Below, the margin grows from nothing as the effector rises; at the sides it grows from what the contact has
@@ -325,35 +354,38 @@ def _hits(
         beside = free[0] if u[i] <= 0.5 else free[1]
         beside += (box[3] - beside) * smooth_step(2.0 * (min(u[i], 1.0 - u[i]) - travel) / (1.0 - 2.0 * travel))
         low = GRAZE * (1.0 - margin / box[3]) - margin if box[3] > 0.0 else GRAZE
-        if _meets(packed, around, blocks, poses[i], box, low, margin, beside):
+        if _meets(obstacles, poses[i], box, low, margin, beside):
             early += 1 if u[i] <= 0.5 else 0
             late += 1 if u[i] >= 0.5 else 0
     return early, late
 
 
 @njit(cache=True)
-def _free_margin(
-    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WC: np.ndarray, box: np.ndarray
-) -> float:
+def _free_margin(obstacles: _Obstacles, X_WC: np.ndarray, box: np.ndarray) -> float:
     """Margin at the sides that a contact leaves while the effector rises [m]: a share of `clearance`, else a graze."""
     for share in (1.0, 0.5, 0.25, 0.0):
-        if not _meets(packed, around, blocks, X_WC, box, GRAZE, LIFTS[-1], share * box[3]):
+        if not _meets(obstacles, X_WC, box, GRAZE, LIFTS[-1], share * box[3]):
             return share * box[3]
     return -GRAZE
 
 
 @njit(cache=True)
 def _meets(
-    packed: PackedTerrain, around: np.ndarray, blocks: np.ndarray, X_WC: np.ndarray, box: np.ndarray,
-    z_low: float, above: float, beside: float,
-) -> bool:  # fmt: skip
+    obstacles: _Obstacles,
+    X_WC: np.ndarray,
+    box: np.ndarray,
+    z_low: float,
+    above: float,
+    beside: float,
+) -> bool:
     """Whether the box over the patch, from z_low to its thickness and `above`, wider by `beside`, meets a polygon."""
+    packed, blocks = obstacles.packed, obstacles.blocks
     work = np.empty((2, packed.vertices.shape[1] + 10, 3))
     low = np.array([-box[0] - beside, -box[1] - beside, z_low])
     high = np.array([box[0] + beside, box[1] + beside, box[2] + above])
     p, R = X_WC[:3, 3].copy(), X_WC[:3, :3].copy()
     reach = np.sqrt(high[0] ** 2 + high[1] ** 2 + max(high[2], -z_low) ** 2)
-    for k in around:
+    for k in obstacles.around:
         apart = False
         for a in range(3):
             if packed.low[k, a] > p[a] + reach or packed.high[k, a] < p[a] - reach:
