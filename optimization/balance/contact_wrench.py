@@ -20,7 +20,11 @@ def skew(a: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(n, 3) cross products of (n, 3) and (n, 3): `numpy.cross` takes five times as long for short arrays."""
+    """(n, 3) cross products of (n, 3) and (n, 3): `numpy.cross` takes five times as long for short arrays.
+
+    Args:
+        a, b: (n, 3) vectors in one frame.
+    """
     out = np.empty(a.shape)
     out[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
     out[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]

@@ -49,7 +49,11 @@ HX, HY, WIDE, PACKED = 12, 13, 14, 15
 def pack(
     p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray
 ) -> tuple[np.ndarray, float, float, bool]:
-    """(contacts (n, 15), x and y of their mean, whether there are any and all numbers are finite)."""
+    """(contacts (n, 15), x and y of their mean, whether there are any and all numbers are finite).
+
+    Args:
+        p_WC, R_WC, half, generators, force_limit: as in `static_equilibrium.ContactArrays`.
+    """
     n = p_WC.shape[0]
     contacts = np.empty((n, PACKED))
     x, y, z, finite = 0.0, 0.0, 0.0, 0.0
@@ -76,7 +80,13 @@ def pack(
 def wrench(
     contacts: np.ndarray, generators: np.ndarray, j: int
 ) -> tuple[float, float, float, float, float, float, int]:
-    """The six rows of generator j and its contact."""
+    """The six rows of generator j and its contact.
+
+    Args:
+        contacts: (n, 15) from `pack`.
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+        j: column of a generator.
+    """
     G = generators.shape[1]
     g, s, c = j % G, (j // G) % 4, j // (4 * G)
     k, e0, e1, e2 = contacts, generators[c, g, 0], generators[c, g, 1], generators[c, g, 2]
@@ -181,7 +191,15 @@ def next_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray, z: 
 
 @njit(cache=True)
 def transform(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, w: np.ndarray, j: int) -> None:
-    """Writes column j in terms of the basis into w; its own costs, as for x and y, are left to `transform_moving`."""
+    """Writes column j in terms of the basis into w; its own costs, as for x and y, are left to `transform_moving`.
+
+    Args:
+        contacts: (n, 15) from `pack`.
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+        T: (m + 2, m + 2) tableau.
+        w: (m + 2,) receives the column.
+        j: number of the column.
+    """
     n = contacts.shape[0]
     rows, slack = T.shape[0] - 2 - n, 4 * n * generators.shape[1]
     if j >= slack:
@@ -198,7 +216,15 @@ def transform(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, w: np
 
 @njit(cache=True)
 def transform_moving(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, w: np.ndarray, j: int) -> None:
-    """The same with four rows, for the objectives x and y: w ends with how fast column j moves the centre of mass."""
+    """The same with four rows, for the objectives x and y: w ends with how fast column j moves the centre of mass.
+
+    Args:
+        contacts: (n, 15) from `pack`.
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+        T: (m + 2, m + 2) tableau.
+        w: (m + 2,) receives the column.
+        j: number of the column.
+    """
     transform(contacts, generators, T, w, j)
     if j < 4 * contacts.shape[0] * generators.shape[1]:
         moved = wrench(contacts, generators, j)
@@ -208,7 +234,12 @@ def transform_moving(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray
 
 @njit(cache=True)
 def leaving_row(T: np.ndarray, w: np.ndarray) -> int:
-    """The row that first reaches zero when the entering column grows, -1 when none does."""
+    """The row that first reaches zero when the entering column grows, -1 when none does.
+
+    Args:
+        T: (m + 2, m + 2) tableau.
+        w: (m + 2,) the entering column in terms of the basis.
+    """
     m = T.shape[0] - 2
     best, row = np.inf, -1
     for i in range(m):
@@ -221,7 +252,15 @@ def leaving_row(T: np.ndarray, w: np.ndarray) -> int:
 
 @njit(cache=True)
 def pivot(T: np.ndarray, basic: np.ndarray, w: np.ndarray, row: int, j: int) -> None:
-    """Exchanges the basic column of `row` for the transformed column j."""
+    """Exchanges the basic column of `row` for the transformed column j.
+
+    Args:
+        T: (m + 2, m + 2) tableau; written.
+        basic: (m,) number of the basic column of each row; written.
+        w: (m + 2,) the entering column in terms of the basis.
+        row: of the column that leaves.
+        j: number of the column that enters.
+    """
     scale = 1.0 / w[row]
     for k in range(T.shape[1]):
         T[row, k] *= scale
@@ -234,13 +273,28 @@ def pivot(T: np.ndarray, basic: np.ndarray, w: np.ndarray, row: int, j: int) -> 
 
 @njit(cache=True)
 def find_feasible(
-    contacts: np.ndarray, generators: np.ndarray, force_limit: np.ndarray, x: float, y: float,
-    T: np.ndarray, basic: np.ndarray, w: np.ndarray,
-) -> bool:  # fmt: skip
+    contacts: np.ndarray,
+    generators: np.ndarray,
+    force_limit: np.ndarray,
+    x: float,
+    y: float,
+    T: np.ndarray,
+    basic: np.ndarray,
+    w: np.ndarray,
+) -> bool:
     """Phase 1: fills T (zeros before) and `basic` with nonnegative weights that meet the rows.
 
     There are 4 rows, or 6 with the centre of mass over (x, y), by the size of T. Each starts with an artificial column,
     and the sum of their weights, kept below the basic rows, is driven to zero.
+
+    Args:
+        contacts: (n, 15) from `pack`.
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+        force_limit: (n,) greatest normal force of each contact [M g].
+        x, y: CoM from the mean of the contacts, in W [m].
+        T: (m + 2, m + 2) zeros; written.
+        basic: (m,) written.
+        w: (m + 2,) scratch.
 
     Returns:
         False when no such weights exist.

@@ -42,7 +42,12 @@ class Fault:
     time: float
 
     def told(self, question: CaptureQuestion, swing_time: float) -> str:
-        """One line that names the phase, the block and the amount."""
+        """One line that names the phase, the block and the amount.
+
+        Args:
+            question: that the fault belongs to.
+            swing_time: time of the swing [s], 0 where there is none.
+        """
         phase = "standing"
         if question.new_contact is not None:
             effector = EFFECTORS[question.moving]
@@ -53,7 +58,13 @@ class Fault:
 def dynamics_faults(
     problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory
 ) -> list[Fault]:
-    """What of the centroidal problem a trajectory breaks, the worst first."""
+    """What of the centroidal problem a trajectory breaks, the worst first.
+
+    Args:
+        problem: the centroidal problem, in SI.
+        options: its limits and cone.
+        trajectory: to check.
+    """
     found = violations(problem, options, trajectory)
     faults = []
     for v in found:
@@ -149,9 +160,13 @@ def _contact_faults(kinematics: Kinematics, schedule: ContactSchedule, q: np.nda
 
 
 def _momentum_faults(
-    kinematics: Kinematics, schedule: ContactSchedule, trajectory: CentroidalTrajectory, q: np.ndarray, v: np.ndarray,
+    kinematics: Kinematics,
+    schedule: ContactSchedule,
+    trajectory: CentroidalTrajectory,
+    q: np.ndarray,
+    v: np.ndarray,
     agreement: MomentumGap,
-) -> list[Fault]:  # fmt: skip
+) -> list[Fault]:
     """Momenta that are not those of the forces, from each knot to the next, and motion that is left at the end."""
     mass = kinematics.total_mass
     com = np.array([kinematics.com(row) for row in q])

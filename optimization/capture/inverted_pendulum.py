@@ -28,12 +28,23 @@ def frequency(height: float) -> float:
 
 
 def capture_point(com: np.ndarray, velocity: np.ndarray, ground: float = 0.0) -> np.ndarray:
-    """(2,) xi = c + v / omega on the ground [m], for com (3,) [m], velocity (3,) [m/s] and ground height [m]."""
+    """(2,) xi = c + v / omega on the ground [m], for com (3,) [m], velocity (3,) [m/s] and ground height [m].
+
+    Args:
+        com: (3,) in W [m].
+        velocity: (3,) of the CoM in W [m/s].
+        ground: height of the ground [m].
+    """
     return np.asarray(com[:2] + velocity[:2] / frequency(com[2] - ground))
 
 
 def support_polygon(stance: Stance, robot: Robot) -> BaseGeometry:
-    """Convex hull of the feet's patches in x and y [m]; for level ground without palms."""
+    """Convex hull of the feet's patches in x and y [m]; for level ground without palms.
+
+    Args:
+        stance: its feet count.
+        robot: gives the half extents of the feet.
+    """
     corners = []
     for contact, half in zip(stance.contacts[:2], robot.half_extents, strict=False):
         if contact is not None:
@@ -49,6 +60,12 @@ def one_step_region(before: BaseGeometry, after: BaseGeometry, swing_time: float
 
     xi(d) = p + (xi_0 - p) exp(omega d) must lie in the support after the step, p anywhere in the one before:
     xi_0 in exp(-omega d) after + (1 - exp(-omega d)) before, a Minkowski sum.
+
+    Args:
+        before: support until the step [m].
+        after: support from the step on [m].
+        swing_time: time until the step [s].
+        omega: frequency of the pendulum [1/s].
     """
     shrink = float(np.exp(-omega * swing_time))
     first, second = (np.array(polygon.exterior.coords)[:-1] for polygon in (after, before))  # type: ignore[attr-defined]
@@ -57,7 +74,12 @@ def one_step_region(before: BaseGeometry, after: BaseGeometry, swing_time: float
 
 
 def depth_inside(region: BaseGeometry, point: np.ndarray) -> float:
-    """Distance of a point (2,) to the region's edge, positive inside [m]."""
+    """Distance of a point (2,) to the region's edge, positive inside [m].
+
+    Args:
+        region: in x and y of W [m].
+        point: (2,) [m].
+    """
     place = Point(point)
     return float(region.exterior.distance(place) if region.contains(place) else -region.distance(place))  # type: ignore[attr-defined]
 
@@ -66,6 +88,11 @@ def angular_allowance(options: CentroidalOptions, mass: float, omega: float) -> 
     """How far outside its support a capture point may lie that angular momentum still brings back [m].
 
     |kdot|max / (M g) + omega |k|max / (M g), the maxima over the horizontal axes.
+
+    Args:
+        options: limits on the angular momentum [N m s] and its rate [N m].
+        mass: M [kg].
+        omega: frequency of the pendulum [1/s].
     """
     rate = max(options.angular_momentum_rate_limit[:2])
     most = max(options.angular_momentum_limit[:2])

@@ -66,7 +66,14 @@ class StateFit:
     def fit(
         self, stance: Stance, com: np.ndarray, linear_momentum: np.ndarray, angular_momentum: np.ndarray
     ) -> FittedState:
-        """The state near the nominal posture that holds the stance and has this CoM [m] and momenta [kg m/s, N m s]."""
+        """The state near the nominal posture that holds the stance and has this CoM [m] and momenta [kg m/s, N m s].
+
+        Args:
+            stance: contacts held.
+            com: (3,) in W [m].
+            linear_momentum: (3,) [kg m/s].
+            angular_momentum: (3,) about the CoM [N m s].
+        """
         X_WE, held = _held_poses(stance)
         first = self.ik.solve(X_WE, held, com_target=com)
         q = self._settle(first.q, X_WE, held, stance, com)
@@ -83,9 +90,16 @@ class StateFit:
                 X_WE[foot] = beside(standing.X_WC, self.robot, foot)
                 place[foot] = FREE_WEIGHT
         targets = TrackingTargets(
-            X_WE[None], place[None], 0.3 * place[None], com[None], np.full((1, 3), COM_WEIGHT), self._upright(q)[None],
-            np.full(len(q) - 1, POSTURE_WEIGHT) * np.r_[1, 1, 1, 0, 0, 0, np.ones(len(q) - 7)], tree.lower, tree.upper,
-        )  # fmt: skip
+            X_WE[None],
+            place[None],
+            0.3 * place[None],
+            com[None],
+            np.full((1, 3), COM_WEIGHT),
+            self._upright(q)[None],
+            np.full(len(q) - 1, POSTURE_WEIGHT) * np.r_[1, 1, 1, 0, 0, 0, np.ones(len(q) - 7)],
+            tree.lower,
+            tree.upper,
+        )
         return track_postures(tree, targets, q[None], chained=False, max_iterations=20).q[0]
 
     def _upright(self, q: np.ndarray) -> np.ndarray:
@@ -116,9 +130,15 @@ class StateFit:
         return np.clip(v, -high, high)
 
     def _judge(
-        self, q: np.ndarray, v: np.ndarray, X_WE: np.ndarray, held: np.ndarray, com: np.ndarray, l0: np.ndarray,
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        X_WE: np.ndarray,
+        held: np.ndarray,
+        com: np.ndarray,
+        l0: np.ndarray,
         k0: np.ndarray,
-    ) -> FittedState:  # fmt: skip
+    ) -> FittedState:
         poses = self.kinematics.effector_poses(q)[held]
         away = np.linalg.norm(poses[:, :3, 3] - X_WE[held][:, :3, 3], axis=1)
         cosine = (np.einsum("eab,eab->e", poses[:, :3, :3], X_WE[held][:, :3, :3]) - 1.0) / 2.0
@@ -137,7 +157,13 @@ class StateFit:
 
 
 def beside(X_WC: np.ndarray, robot: Robot, foot: int) -> np.ndarray:
-    """(4, 4) pose of a foot in the air beside the other one at X_WC: nominally apart, level, `LIFT` higher."""
+    """(4, 4) pose of a foot in the air beside the other one at X_WC: nominally apart, level, `LIFT` higher.
+
+    Args:
+        X_WC: (4, 4) pose of the foot that stands, in W [m].
+        robot: gives the distance of the feet.
+        foot: index of the foot in the air among the end effectors.
+    """
     heading = np.arctan2(X_WC[1, 0], X_WC[0, 0])
     side = 1.0 if foot == LEFT_FOOT else -1.0
     c, s = np.cos(heading), np.sin(heading)

@@ -49,7 +49,12 @@ class Lever:
 
 
 def friction_lever(problem: CentroidalProblem, contacts: Iterable[int]) -> Lever:
-    """Raises the friction of these contacts to at least one value."""
+    """Raises the friction of these contacts to at least one value.
+
+    Args:
+        problem: the infeasible one.
+        contacts: indices of contacts of its schedule.
+    """
     chosen = sorted(contacts)
     all_contacts = problem.schedule.contacts
     now = min(all_contacts[c].friction for c in chosen)
@@ -68,7 +73,12 @@ def friction_lever(problem: CentroidalProblem, contacts: Iterable[int]) -> Lever
 
 
 def reach_lever(options: CentroidalOptions, effectors: Iterable[int]) -> Lever:
-    """Lets the CoM be farther from the contacts of these end effectors."""
+    """Lets the CoM be farther from the contacts of these end effectors.
+
+    Args:
+        options: the present limits.
+        effectors: indices of end effectors.
+    """
     chosen = sorted(effectors)
 
     def apply(question: Question, change: float) -> Question:
@@ -97,7 +107,12 @@ def height_levers(options: CentroidalOptions) -> list[Lever]:
 
 
 def time_levers(problem: CentroidalProblem, phase: int) -> list[Lever]:
-    """Make a phase shorter or longer; its intervals keep their shares of it."""
+    """Make a phase shorter or longer; its intervals keep their shares of it.
+
+    Args:
+        problem: the infeasible one.
+        phase: number of the phase in its schedule.
+    """
     schedule = problem.schedule
     within = schedule.phases == phase
     now = float(schedule.dt[within].sum())
@@ -116,7 +131,12 @@ def time_levers(problem: CentroidalProblem, phase: int) -> list[Lever]:
 
 
 def force_lever(options: CentroidalOptions, effectors: Iterable[int]) -> Lever:
-    """Lets these end effectors push harder."""
+    """Lets these end effectors push harder.
+
+    Args:
+        options: the present limits.
+        effectors: indices of end effectors.
+    """
     chosen = sorted(effectors)
 
     def apply(question: Question, change: float) -> Question:
@@ -164,7 +184,12 @@ def momentum_levers(options: CentroidalOptions) -> list[Lever]:
 
 
 def place_levers(problem: CentroidalProblem, options: CentroidalOptions) -> list[Lever]:
-    """Let the CoM end farther from the last feet, and stray farther from its reference, along all axes."""
+    """Let the CoM end farther from the last feet, and stray farther from its reference, along all axes.
+
+    Args:
+        problem: the infeasible one.
+        options: the present limits.
+    """
 
     def end(question: Question, change: float) -> Question:
         half = question[1].final_half_width

@@ -65,7 +65,13 @@ class _Table:
 def violations(
     problem: CentroidalProblem, options: CentroidalOptions, trajectory: CentroidalTrajectory
 ) -> list[Violation]:
-    """Every violated constraint block with its worst place, the worst first; empty where all hold."""
+    """Every violated constraint block with its worst place, the worst first; empty where all hold.
+
+    Args:
+        problem: the data, in SI.
+        options: limits and cone.
+        trajectory: to check.
+    """
     weight = problem.mass * GRAVITY
     tables = [
         *_dynamics(problem, trajectory, weight),

@@ -9,7 +9,12 @@ from optimization.centroidal.problem import CentroidalProblem
 
 
 def height_bounds(problem: CentroidalProblem, options: CentroidalOptions) -> tuple[np.ndarray, np.ndarray]:
-    """(N-1,) least and greatest CoM height at knots 1..N-1 [m]; infinite while no foot is in contact."""
+    """(N-1,) least and greatest CoM height at knots 1..N-1 [m]; infinite while no foot is in contact.
+
+    Args:
+        problem: its schedule says where the feet are.
+        options: `com_height` over the feet [m].
+    """
     ground = problem.schedule.feet_mean()[:, 2]
     low, _, high = options.com_height
     known = np.isfinite(ground)
@@ -20,6 +25,10 @@ def final_box(problem: CentroidalProblem, options: CentroidalOptions) -> tuple[n
     """(3,) lower and upper corner of the box in which the CoM must end [m], or None.
 
     It lies around the mean of the last feet in contact, at the nominal height.
+
+    Args:
+        problem: its schedule says where the feet are.
+        options: `com_height` and `final_half_width` [m].
     """
     feet = problem.schedule.feet_mean()
     known = np.flatnonzero(np.isfinite(feet[:, 0]))

@@ -72,6 +72,10 @@ class ContactSchedule:
     def from_rows(cls, rows: Sequence[Sequence[Contact | None]], dt: float | np.ndarray) -> ContactSchedule:
         """One row of E contacts (None where free) for each interval.
 
+        Args:
+            rows: (N-1) of them.
+            dt: length of every interval, or (N-1,) of each [s].
+
         Raises:
             InputError: no rows, or a row that is not one entry per end effector.
         """

@@ -36,6 +36,10 @@ def longest_flight(before: Ground, after: Ground) -> float:
 
     With take-off speed v from `high` before to `low` after: T = (v + sqrt(v^2 + 2 g (high - low))) / g, and the landing
     speed g T - v must be one that can be stopped.
+
+    Args:
+        before: contacts that push off.
+        after: contacts that catch.
     """
     rise = after.low - before.high
     room = before.speed**2 - 2 * GRAVITY * rise
@@ -46,6 +50,10 @@ def impossible_flight(problem: CentroidalProblem, options: CentroidalOptions) ->
     """Which force-free phase is too long to survive, and why; "" where none is by closed form.
 
     One interval is granted: between knots nothing is asked of the height.
+
+    Args:
+        problem: the data, in SI.
+        options: limits on height, reach and force.
     """
     schedule = problem.schedule
     phases, times = schedule.phases, schedule.times

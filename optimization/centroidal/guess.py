@@ -23,6 +23,10 @@ def guess_com(problem: CentroidalProblem, options: CentroidalOptions) -> np.ndar
 
     Else the mean of the feet, averaged over two seconds, at the nominal height; it fades in from the initial
     CoM, which its velocity carries along.
+
+    Args:
+        problem: the data, in SI.
+        options: `com_height` over the feet [m].
     """
     if problem.com_reference is not None:
         return problem.com_reference[1:]
@@ -44,7 +48,12 @@ def guess_com(problem: CentroidalProblem, options: CentroidalOptions) -> np.ndar
 
 
 def guess_total_force(problem: CentroidalProblem, com: np.ndarray) -> np.ndarray:
-    """(N-1, 3) total contact force [M g] that moves the CoM along `com` (N-1, 3), within bounds; none in flight."""
+    """(N-1, 3) total contact force [M g] that moves the CoM along `com` (N-1, 3), within bounds; none in flight.
+
+    Args:
+        problem: the data, in SI.
+        com: (N-1, 3) CoM at knots 1..N-1 [m].
+    """
     dt = problem.schedule.dt[:, None]
     velocity = np.diff(com, axis=0, prepend=problem.initial_com[None]) / dt
     initial = problem.initial_linear_momentum[None] / problem.mass

@@ -58,11 +58,20 @@ class CentroidalModel:
         return self._point(self._data.corners.project(forces))
 
     def between(self, start: CentroidalPoint, end: CentroidalPoint, step: float) -> CentroidalPoint:
-        """The trajectory of the forces at this part of the way."""
+        """The trajectory of the forces at this part of the way.
+
+        Args:
+            start, end: two trajectories.
+            step: part of the way from start to end, 0 to 1.
+        """
         return self._point(start.forces + step * (end.forces - start.forces))
 
     def distance(self, start: CentroidalPoint, end: CentroidalPoint) -> float:
-        """The greatest change of the CoM along any axis [m]."""
+        """The greatest change of the CoM along any axis [m].
+
+        Args:
+            start, end: two trajectories.
+        """
         return float(np.abs(end.state.com - start.state.com).max())
 
     def linearise(self, point: CentroidalPoint) -> None:
@@ -70,7 +79,12 @@ class CentroidalModel:
         self._linearise(point.state.com, point.state.total_force, point.wrench)
 
     def trust(self, point: CentroidalPoint, radius: float) -> None:
-        """Keeps every CoM within `radius` [m] per axis of this point's."""
+        """Keeps every CoM within `radius` [m] per axis of this point's.
+
+        Args:
+            point: the trajectory to stay near.
+            radius: per axis [m].
+        """
         self._bound_step(point.state.com, radius)
 
     def _point(self, forces: np.ndarray) -> CentroidalPoint:
@@ -99,6 +113,11 @@ def program_values(data: CentroidalData, wrench: np.ndarray, state: CentroidalSt
     """(n,) values of a program's variables under contact wrenches (J, 6) and the motion that they bring about.
 
     Corner forces and slacks are left 0: they cost nothing.
+
+    Args:
+        data: of the program.
+        wrench: (J, 6) force and moment in the contact frames [M g, M g ARM].
+        state: the motion under them [m, s, M g].
     """
     z, _ = pressure_residuals(wrench, data.half, ARM, LEAST_PRESSURE_LOAD)
     x = np.zeros(data.num_vars)

@@ -119,7 +119,12 @@ class CentroidalOptions:
 
     @classmethod
     def for_robot(cls, robot: Robot, cone: FrictionCone) -> CentroidalOptions:
-        """The defaults with a robot's limits."""
+        """The defaults with a robot's limits.
+
+        Args:
+            robot: gives height, reach and force limits.
+            cone: friction cone.
+        """
         return cls(
             cone=cone,
             com_height=robot.com_height,

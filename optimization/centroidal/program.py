@@ -154,7 +154,12 @@ class CentroidalProgram:
             self._rows[name] = rows  # type: ignore[assignment]
 
     def add_rows(self, name: str, rows: Callable[[], Rows | None]) -> None:
-        """Adds rows on variables by their places (`index`); `rows` is called again whenever numbers are updated."""
+        """Adds rows on variables by their places (`index`); `rows` is called again whenever numbers are updated.
+
+        Args:
+            name: of the block of constraints.
+            rows: gives coefficients, lower (None for equality) and upper bounds; None for no rows.
+        """
         self._add_rows(name, rows)
 
     def _add_bounds(self, name: str, index: np.ndarray, bounds: Callable[[], tuple[np.ndarray, np.ndarray]]) -> None:
@@ -238,7 +243,12 @@ class CentroidalProgram:
                 self._host.update_rows(name, *self._rows[name]())
 
     def bound_step(self, com: np.ndarray, radius: float) -> None:
-        """Keeps the CoM within `radius` per axis of this path (N-1, 3) [m]."""
+        """Keeps the CoM within `radius` per axis of this path (N-1, 3) [m].
+
+        Args:
+            com: (N-1, 3) CoM at knots 1..N-1 [m].
+            radius: greatest distance from it per axis [m].
+        """
         self._host.update_bounds("com step", com - self.data.origin - radius, com - self.data.origin + radius)
 
     def _add_angular_momentum_limits(self) -> None:

@@ -235,7 +235,12 @@ def _says_more(one: tuple[Lever, Remedy], lever: Lever, remedy: Remedy) -> bool:
 
 
 def find_blockages(program: CentroidalProgram, estimate: CentroidalEstimate) -> list[Blockage]:
-    """What stands in the way of a problem that was found infeasible, the worst first."""
+    """What stands in the way of a problem that was found infeasible, the worst first.
+
+    Args:
+        program: of the problem, solved.
+        estimate: its answer.
+    """
     problem, options, trajectory = program.problem, program.options, estimate.trajectory
     found = shortfalls(program.prog, program.data) if trajectory is None else violations(problem, options, trajectory)
     schedule = problem.schedule
@@ -249,9 +254,19 @@ def find_blockages(program: CentroidalProgram, estimate: CentroidalEstimate) -> 
         contact = _contact(schedule, interval, EFFECTORS.index(each.effector)) if each.effector else -1
         start, end = float(times[within[0]]), float(times[within[-1] + 1])
         out.append(
-            Blockage(each.block, int(phases[interval]), start, end, held, each.time, each.effector, contact,
-                     each.amount, each.unit)
-        )  # fmt: skip
+            Blockage(
+                each.block,
+                int(phases[interval]),
+                start,
+                end,
+                held,
+                each.time,
+                each.effector,
+                contact,
+                each.amount,
+                each.unit,
+            )
+        )
     return out
 
 

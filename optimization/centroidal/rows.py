@@ -15,7 +15,14 @@ from optimization.convex.updatable_program import Rows
 
 
 def difference_rows(index: np.ndarray, rate: np.ndarray, step: np.ndarray, initial: np.ndarray) -> Rows:
-    """x[n+1] - x[n] - step[n] rate[n] = 0 with x[0] = initial (3,)."""
+    """x[n+1] - x[n] - step[n] rate[n] = 0 with x[0] = initial (3,).
+
+    Args:
+        index: (N-1, 3) places of x at knots 1..N-1.
+        rate: (N-1, 3) places of the rates.
+        step: (N-1,) factors of the rates.
+        initial: (3,) x at knot 0.
+    """
     rows, right = SparseRows(), np.zeros(index.shape)
     row = np.arange(index.size).reshape(index.shape)
     rows.add(row, index, 1.0)
@@ -26,7 +33,14 @@ def difference_rows(index: np.ndarray, rate: np.ndarray, step: np.ndarray, initi
 
 
 def total_force_rows(a: np.ndarray, wrench: np.ndarray, interval: np.ndarray, R: np.ndarray) -> Rows:
-    """a - sum R f = -e_z."""
+    """a - sum R f = -e_z.
+
+    Args:
+        a: (N-1, 3) places of the total force less the weight [M g].
+        wrench: (J, 6) places of the contact wrenches.
+        interval: (J,) interval of each wrench.
+        R: (J, 3, 3) orientations R_WC.
+    """
     rows = SparseRows()
     row = np.arange(a.size).reshape(-1, 3)
     rows.add(row, a, 1.0)
@@ -35,7 +49,13 @@ def total_force_rows(a: np.ndarray, wrench: np.ndarray, interval: np.ndarray, R:
 
 
 def contact_wrench_rows(wrench: np.ndarray, force: np.ndarray, corner_map: np.ndarray) -> Rows:
-    """(f, m) - map force = 0."""
+    """(f, m) - map force = 0.
+
+    Args:
+        wrench: (J, 6) places of the contact wrenches.
+        force: (J, 12) places of their corner forces.
+        corner_map: (J, 6, 12) from corner forces to wrench.
+    """
     rows = SparseRows()
     row = np.arange(wrench.size).reshape(-1, 6)
     rows.add(row, wrench, 1.0)
@@ -44,7 +64,12 @@ def contact_wrench_rows(wrench: np.ndarray, force: np.ndarray, corner_map: np.nd
 
 
 def friction_rows(force: np.ndarray, faces: np.ndarray) -> Rows:
-    """faces (J, R, 3) @ f <= 0 for each corner force f."""
+    """faces (J, R, 3) @ f <= 0 for each corner force f.
+
+    Args:
+        force: (J, 12) places of the corner forces.
+        faces: (J, R, 3) outward normals of the cones' faces, in C.
+    """
     rows = SparseRows()
     count = 4 * len(faces) * faces.shape[1]
     row = np.arange(count).reshape(len(faces), 4, faces.shape[1])
@@ -81,7 +106,14 @@ def momentum_rate_rows(
 
 
 def pressure_rows(z_index: np.ndarray, wrench_index: np.ndarray, wrench: np.ndarray, half: np.ndarray) -> Rows:
-    """z - J wrench = z0 - J wrench0, with J the Jacobian of z about wrench0 (J, 6)."""
+    """z - J wrench = z0 - J wrench0, with J the Jacobian of z about wrench0 (J, 6).
+
+    Args:
+        z_index: (J, 3) places of z.
+        wrench_index: (J, 6) places of the wrenches.
+        wrench: (J, 6) wrenches to linearise about, in C [M g, M g ARM].
+        half: (J, 2) half extents of the patches [m].
+    """
     z, jacobian = pressure_residuals(wrench, half, ARM, LEAST_PRESSURE_LOAD)
     rows = SparseRows()
     row = np.arange(z.size).reshape(z.shape)
@@ -116,7 +148,13 @@ def reach_rows(
 
 
 def soft_limit_rows(index: np.ndarray, slack: np.ndarray, limit: np.ndarray) -> Rows | None:
-    """|x_i| - slack <= limit for the finite entries of `limit` (3,); None where there are none."""
+    """|x_i| - slack <= limit for the finite entries of `limit` (3,); None where there are none.
+
+    Args:
+        index: (n, 3) places of x.
+        slack: (n, 1) places of the slacks.
+        limit: (3,) of each axis, in the unit of x; inf for none.
+    """
     axes = np.flatnonzero(np.isfinite(limit))
     if not len(axes):
         return None

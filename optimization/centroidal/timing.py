@@ -304,6 +304,15 @@ class _TimingSearch:
         if best.estimate.trajectory is not None:
             gradient = self._step(best).gradient()
         return TimedEstimate(
-            best.problem, best.estimate, best.objective, durations, start, self.group, gradient, fixed.estimate,
-            fixed.objective, tuple(records), reason,
-        )  # fmt: skip
+            best.problem,
+            best.estimate,
+            best.objective,
+            durations,
+            start,
+            self.group,
+            gradient,
+            fixed.estimate,
+            fixed.objective,
+            tuple(records),
+            reason,
+        )

@@ -159,7 +159,13 @@ class TimingStep:
     def solve(
         self, least: np.ndarray, most: np.ndarray, room: float, time_limit: float
     ) -> tuple[np.ndarray | None, SolveRecord]:
-        """(G,) change of each duration [s] within (least, most) and at most `room` in sum, and how it was found."""
+        """(G,) change of each duration [s] within (least, most) and at most `room` in sum, and how it was found.
+
+        Args:
+            least, most: (G,) bounds on the change of each duration [s].
+            room: greatest sum of the changes [s], inf for free.
+            time_limit: of the solver [s].
+        """
         prog = self.prog.Clone()
         prog.AddBoundingBoxConstraint(least, most, self.change).evaluator().set_description("duration bounds")
         if np.isfinite(room):

@@ -79,7 +79,12 @@ class WrenchIntegrator:
         self.p_WC, self.R_WC = p_WC[held], R_WC[held]
 
     def sums(self, force_W: np.ndarray, moment_W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N-1, 3) sums over the contacts of each interval of two (J, 3) arrays."""
+        """(N-1, 3) sums over the contacts of each interval of two (J, 3) arrays.
+
+        Args:
+            force_W: (J, 3) forces of the active contacts in W [M g].
+            moment_W: (J, 3) moments in W [M g m].
+        """
         shape = (len(self.dt), 3)
         force, moment = np.zeros(shape), np.zeros(shape)
         np.add.at(force, self.interval, force_W)
@@ -87,7 +92,12 @@ class WrenchIntegrator:
         return force, moment
 
     def integrate(self, force_C: np.ndarray, moment_C: np.ndarray) -> CentroidalState:
-        """The state after (J, 3) contact forces [M g] and moments [M g m] in their contact frames."""
+        """The state after (J, 3) contact forces [M g] and moments [M g m] in their contact frames.
+
+        Args:
+            force_C: (J, 3) forces of the active contacts, in C [M g].
+            moment_C: (J, 3) moments about the contact points, in C [M g m].
+        """
         force_W = np.einsum("jab,jb->ja", self.R_WC, force_C)
         turned = np.einsum("jab,jb->ja", self.R_WC, moment_C)
         total_force, _ = self.sums(force_W, turned)
@@ -102,7 +112,14 @@ class WrenchIntegrator:
     def trajectory(
         self, schedule: ContactSchedule, force_C: np.ndarray, moment_C: np.ndarray, mass: float
     ) -> CentroidalTrajectory:
-        """The plan file's arrays for (J, 3) forces [M g] and moments [M g m] in their contact frames."""
+        """The plan file's arrays for (J, 3) forces [M g] and moments [M g m] in their contact frames.
+
+        Args:
+            schedule: that the integrator was made for.
+            force_C: (J, 3) forces of the active contacts, in C [M g].
+            moment_C: (J, 3) moments about the contact points, in C [M g m].
+            mass: M [kg].
+        """
         weight = mass * GRAVITY
         state = self.integrate(force_C, moment_C)
         cop, torque = pressure_centre(force_C, moment_C)
@@ -128,7 +145,12 @@ class WrenchIntegrator:
         )
 
     def wrenches(self, trajectory: CentroidalTrajectory, mass: float) -> tuple[np.ndarray, np.ndarray]:
-        """(J, 3) forces [M g] and moments [M g m] in their contact frames: what `trajectory` was made of."""
+        """(J, 3) forces [M g] and moments [M g m] in their contact frames: what `trajectory` was made of.
+
+        Args:
+            trajectory: over the same schedule.
+            mass: M [kg].
+        """
         weight = mass * GRAVITY
         at = self.interval, self.effector
         force_C = np.einsum("jba,jb->ja", self.R_WC, trajectory.force_W[at]) / weight
@@ -143,6 +165,10 @@ def pressure_centre(force_C: np.ndarray, moment_C: np.ndarray) -> tuple[np.ndarr
 
     The moment at the centre of pressure (cx, cy, 0) is along the normal alone: cx = -m_y / f_z, cy = m_x / f_z and
     torque = m_z - (cx f_y - cy f_x).
+
+    Args:
+        force_C: (J, 3) forces in C [M g].
+        moment_C: (J, 3) moments about the contact points, in C [M g m].
     """
     loaded = force_C[:, 2] > LEAST_LOAD
     fz = np.where(loaded, force_C[:, 2], 1.0)

@@ -60,6 +60,7 @@ class Place:
         """The contact at the answer x (n,); None where it is skipped.
 
         Args:
+            x: (n,) values of the program's variables.
             index: the program's `FindDecisionVariableIndices`.
         """
         if self.given is not None:
@@ -73,7 +74,12 @@ class Place:
 
 
 def given_place(contact: Contact, effector: int) -> Place:
-    """A contact that is held from the start."""
+    """A contact that is held from the start.
+
+    Args:
+        contact: the contact.
+        effector: index of its end effector.
+    """
     c, s = float(np.cos(contact.heading)), float(np.sin(contact.heading))
     return Place(effector, (), contact.p_WC, float(contact.heading), c, s, np.zeros(0, object), 0.0, contact)
 
@@ -89,6 +95,8 @@ def add_place(
     """Adds one contact's variables and the constraints that put it into one of the regions.
 
     Args:
+        prog: the program that they are added to.
+        name: of the contact, for variables and constraints.
         regions: candidates, not empty.
         stay: where the end effector is when the contact is skipped, which is allowed then.
         optional: whether the contact may be skipped (a palm that stays free); its point then lies anywhere among the candidates.
@@ -134,9 +142,13 @@ def _add_big_m(
 
 
 def _add_heading(
-    prog: MathematicalProgram, name: str, regions: Sequence[FootholdRegion], choice: np.ndarray, skipped: Any,
+    prog: MathematicalProgram,
+    name: str,
+    regions: Sequence[FootholdRegion],
+    choice: np.ndarray,
+    skipped: Any,
     stay: Contact | None,
-) -> tuple[Any, Any, Any]:  # fmt: skip
+) -> tuple[Any, Any, Any]:
     """Heading, cosine and sine: numbers where only one heading is possible, else variables on chords."""
     intervals = sorted({r.heading for r in regions})
     rest = stay.heading if stay is not None else None
@@ -169,7 +181,13 @@ def _add_heading(
 
 
 def within(regions: Sequence[FootholdRegion], point: np.ndarray, distance: float) -> list[FootholdRegion]:
-    """The regions that have a point within this horizontal distance [m] of a point (3,)."""
+    """The regions that have a point within this horizontal distance [m] of a point (3,).
+
+    Args:
+        regions: to choose from.
+        point: (3,) in W [m].
+        distance: greatest horizontal distance [m].
+    """
     at = shapely.Point(point[:2])
     return [r for r in regions if shapely.MultiPoint(r.vertices[:, :2]).convex_hull.distance(at) <= distance]
 
@@ -177,7 +195,14 @@ def within(regions: Sequence[FootholdRegion], point: np.ndarray, distance: float
 def reachable(
     before: Sequence[FootholdRegion], regions: Sequence[FootholdRegion], distance: float, rise: float
 ) -> list[FootholdRegion]:
-    """The regions with a point within a horizontal distance and a height [m] of a point of any region before."""
+    """The regions with a point within a horizontal distance and a height [m] of a point of any region before.
+
+    Args:
+        before: regions that the step may start from.
+        regions: to choose from.
+        distance: greatest horizontal distance [m].
+        rise: greatest difference of height [m].
+    """
     if not before:
         return []
     outlines = [shapely.MultiPoint(r.vertices[:, :2]).convex_hull for r in before]

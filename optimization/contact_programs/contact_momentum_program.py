@@ -296,7 +296,13 @@ class ContactDynamicsProgram:
         on_incumbent: Callable[[Progress, tuple[Stance, ...]], None] | None = None,
         stop: Callable[[], bool] | None = None,
     ) -> ContactEstimate:
-        """The contact sequence, as `FootstepProgram.solve`."""
+        """The contact sequence, as `FootstepProgram.solve`.
+
+        Args:
+            settings: of the mixed-integer solver; the defaults where None.
+            on_incumbent: called with each better sequence that is found; None for none.
+            stop: asked now and then; True ends the search.
+        """
         return self.steps.solve(settings, on_incumbent, stop, data=self.data())
 
     def data(self) -> MixedIntegerData:

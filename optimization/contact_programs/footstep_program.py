@@ -166,8 +166,11 @@ class FootstepProgram:
         c, s = stand.cosine, stand.sine
         apart = place.p - stand.p
         for k, (o, radius) in enumerate(reach.discs(side)):
-            rows = [radius + self._start_lack(k, side) * place.skipped, apart[0] - (c * o[0] - s * o[1]),
-                    apart[1] - (s * o[0] + c * o[1])]  # fmt: skip
+            rows = [
+                radius + self._start_lack(k, side) * place.skipped,
+                apart[0] - (c * o[0] - s * o[1]),
+                apart[1] - (s * o[0] + c * o[1]),
+            ]
             _cone(self.prog, rows, f"reach {k} {name}")
         self._narrow(name, place, stand, apart, side)
         self._add_support(name, stand)

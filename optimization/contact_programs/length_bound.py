@@ -128,9 +128,15 @@ class _Bounds:
     """The relaxed steps of one query."""
 
     def __init__(
-        self, scene: Scene, robot: Robot, start: Stance, goal: Goal, model: TransitionModel, step_weight: float,
+        self,
+        scene: Scene,
+        robot: Robot,
+        start: Stance,
+        goal: Goal,
+        model: TransitionModel,
+        step_weight: float,
         palms: bool,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.scene, self.robot, self.start, self.goal = scene, robot, start, goal
         left, right = start.contacts[:2]
         assert left is not None

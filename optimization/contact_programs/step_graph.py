@@ -93,7 +93,12 @@ class StepGraph:
         self._low, self._high = low, high
 
     def add_foothold(self, region: FootholdRegion, name: str) -> Foothold:
-        """A vertex for a step to this region."""
+        """A vertex for a step to this region.
+
+        Args:
+            region: where the foot may stand.
+            name: of the vertex.
+        """
         origin = region.vertices[0]
         x = region.vertices[1] - origin
         x = x / np.linalg.norm(x)
@@ -109,25 +114,45 @@ class StepGraph:
         return Foothold(vertex, region, region.surface, P, origin, Q, np.zeros(3))
 
     def add_start(self, p: np.ndarray, q: np.ndarray, surface: int) -> Foothold:
-        """The start as seen by the first step: p (3,) the foot that stands, q (3,) the foot that will move [m]."""
+        """The start as seen by the first step: p (3,) the foot that stands, q (3,) the foot that will move [m].
+
+        Args:
+            p: (3,) the foot that stands, in W [m].
+            q: (3,) the foot that moves first, in W [m].
+            surface: index of the surface that the foot p stands on.
+        """
         P, Q = np.zeros((3, 6)), np.zeros((3, 6))
         P[:, :3], Q[:, 3:] = np.eye(3), np.eye(3)
         vertex = self.gcs.AddVertex(Point(np.concatenate([p, q])), "start")
         return Foothold(vertex, None, surface, P, np.zeros(3), Q, np.zeros(3))
 
     def add_goal(self, centre: np.ndarray, radius: float) -> GraphOfConvexSets.Vertex:
-        """The goal: a disc of means of the feet, centre (2,) [m]."""
+        """The goal: a disc of means of the feet, centre (2,) [m].
+
+        Args:
+            centre: (2,) in x and y of W [m].
+            radius: [m].
+        """
         return self.gcs.AddVertex(Hyperellipsoid.MakeHypersphere(radius, centre), "goal")
 
     def add_step(self, u: Foothold, v: Foothold) -> Edge:
-        """An edge for the step from u to v, passing on the foot that stands: q_v = p_u."""
+        """An edge for the step from u to v, passing on the foot that stands: q_v = p_u.
+
+        Args:
+            u, v: consecutive footholds.
+        """
         edge = self.gcs.AddEdge(u.vertex, v.vertex)
         A, b = np.hstack([v.Q, -u.P]), u.p - v.q
         edge.AddConstraint(Binding[Constraint](LinearEqualityConstraint(A, b), np.append(edge.xv(), edge.xu())))
         return edge
 
     def add_arrival(self, u: Foothold, goal: GraphOfConvexSets.Vertex) -> Edge:
-        """An edge to the goal: the mean of the feet is the goal vertex's point."""
+        """An edge to the goal: the mean of the feet is the goal vertex's point.
+
+        Args:
+            u: last foothold.
+            goal: vertex of the goal.
+        """
         edge = self.gcs.AddEdge(u.vertex, goal)
         A, b = u.mean
         rows = np.hstack([A, -np.eye(2)])
@@ -136,46 +161,93 @@ class StepGraph:
 
     @staticmethod
     def apart(u: Foothold, v: Foothold) -> tuple[np.ndarray, np.ndarray]:
-        """(3, dv + du), (3,): the vector from the standing foot to the new one, p_v - p_u, over (x_v, x_u)."""
+        """(3, dv + du), (3,): the vector from the standing foot to the new one, p_v - p_u, over (x_v, x_u).
+
+        Args:
+            u, v: consecutive footholds.
+        """
         return np.hstack([v.P, -u.P]), v.p - u.p
 
     @staticmethod
     def travel(u: Foothold, v: Foothold) -> tuple[np.ndarray, np.ndarray]:
-        """(3, dv + du), (3,): the translation of the moving foot, p_v - q_u, over (x_v, x_u)."""
+        """(3, dv + du), (3,): the translation of the moving foot, p_v - q_u, over (x_v, x_u).
+
+        Args:
+            u, v: consecutive footholds.
+        """
         return np.hstack([v.P, -u.Q]), v.p - u.q
 
     @staticmethod
     def keep_within(edge: Edge, A: np.ndarray, b: np.ndarray, radius: float) -> None:
-        """|A (x_v, x_u) + b| <= radius."""
+        """|A (x_v, x_u) + b| <= radius.
+
+        Args:
+            edge: from u to v.
+            A: (m, dv + du) matrix.
+            b: (m,) offset [m].
+            radius: [m].
+        """
         rows = np.vstack([np.zeros((1, A.shape[1])), A])
         cone = LorentzConeConstraint(rows, np.append(radius, b))
         edge.AddConstraint(Binding[Constraint](cone, np.append(edge.xv(), edge.xu())))
 
     @staticmethod
     def keep_between(edge: Edge, A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-        """low <= A (x_v, x_u) + b <= high."""
+        """low <= A (x_v, x_u) + b <= high.
+
+        Args:
+            edge: from u to v.
+            A: (m, dv + du) matrix.
+            b: (m,) offset [m].
+            low, high: (m,) bounds [m].
+        """
         rows = LinearConstraint(A, low - b, high - b)
         edge.AddConstraint(Binding[Constraint](rows, np.append(edge.xv(), edge.xu())))
 
     @staticmethod
     def add_length(edge: Edge, A: np.ndarray, b: np.ndarray) -> None:
-        """Cost |A (x_v, x_u) + b|."""
+        """Cost |A (x_v, x_u) + b|.
+
+        Args:
+            edge: from u to v.
+            A: (m, dv + du) matrix.
+            b: (m,) offset [m].
+        """
         edge.AddCost(Binding[Cost](L2NormCost(A, b), np.append(edge.xv(), edge.xu())))
 
     @staticmethod
     def add_square(edge: Edge, weight: float, A: np.ndarray, b: np.ndarray) -> None:
-        """Cost weight |A (x_v, x_u) + b|^2."""
+        """Cost weight |A (x_v, x_u) + b|^2.
+
+        Args:
+            edge: from u to v.
+            weight: of the square [1/m^2].
+            A: (m, dv + du) matrix.
+            b: (m,) offset [m].
+        """
         cost = QuadraticCost(2 * weight * A.T @ A, 2 * weight * A.T @ b, weight * float(b @ b), True)
         edge.AddCost(Binding[Cost](cost, np.append(edge.xv(), edge.xu())))
 
     @staticmethod
     def add_constant(edge: Edge, value: float) -> None:
-        """Cost of taking the edge at all."""
+        """Cost of taking the edge at all.
+
+        Args:
+            edge: from u to v.
+            value: cost.
+        """
         edge.AddCost(Binding[Cost](LinearCost(np.zeros(len(edge.xu())), value), edge.xu()))
 
 
 def could_step(u: Foothold, v: FootholdRegion, reach: float, rise: float) -> bool:
-    """Whether some point of region v may be within reach [m] of some point of u, judged by their bounds."""
+    """Whether some point of region v may be within reach [m] of some point of u, judged by their bounds.
+
+    Args:
+        u: foothold that stands.
+        v: region to step to.
+        reach: greatest horizontal distance [m].
+        rise: greatest difference of height [m].
+    """
     if u.region is None:
         low_u = high_u = u.vertex.set().x()[:3]
     else:
@@ -198,7 +270,13 @@ def quiet() -> Iterator[None]:
 
 
 def graph_options(time_limit: float, seed: int, tolerance: float = 1e-7) -> GraphOfConvexSetsOptions:
-    """The convex relaxation, by Clarabel on one thread, without rounding."""
+    """The convex relaxation, by Clarabel on one thread, without rounding.
+
+    Args:
+        time_limit: of each convex program [s].
+        seed: of the rounding.
+        tolerance: relative and absolute gap of the solver.
+    """
     options = GraphOfConvexSetsOptions()
     options.convex_relaxation, options.preprocessing, options.max_rounded_paths = True, False, 0
     options.rounding_seed, options.max_rounding_trials = seed, 200

@@ -66,13 +66,22 @@ class StepReach:
         from dataclasses import replace
 
         return replace(
-            self, half_length=share * self.half_length, half_width=share * self.half_width, rise=share * self.rise,
-            stride=share * self.stride, arm=share * self.arm,
-        )  # fmt: skip
+            self,
+            half_length=share * self.half_length,
+            half_width=share * self.half_width,
+            rise=share * self.rise,
+            stride=share * self.stride,
+            arm=share * self.arm,
+        )
 
 
 def step_reach(robot: Robot, model: TransitionModel) -> StepReach:
-    """The reach that spans a transition model's steps, narrowed to what this robot's legs and hips allow."""
+    """The reach that spans a transition model's steps, narrowed to what this robot's legs and hips allow.
+
+    Args:
+        robot: gives legs and hips.
+        model: the steps to span.
+    """
     low, high = model.steps.min(axis=0), model.steps.max(axis=0)
     near = max(low[1], robot.foot_separation[0])
     if high[1] <= near:

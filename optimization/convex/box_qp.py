@@ -38,6 +38,11 @@ def factor_and_solve(A: np.ndarray, b: np.ndarray, n: int) -> bool:
     """Solves A x = b in place by Cholesky; reads the upper triangle of A[:n, :n], which it destroys; b[:n] becomes x.
 
     Returns False, with b useless, when A is not positive definite to working precision or holds NaN.
+
+    Args:
+        A: (n or more, n or more) symmetric matrix.
+        b: (n or more,) right-hand side.
+        n: number of unknowns.
     """
     for k in range(0, n, 4):
         width = min(4, n - k)
@@ -191,9 +196,15 @@ def _walk_along_faces(o: _Problem, n: int, budget: int) -> int:
 
 @njit(cache=True)
 def solve_box_qp(
-    H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray, n: int, side: np.ndarray, x: np.ndarray,
+    H: np.ndarray,
+    g: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    n: int,
+    side: np.ndarray,
+    x: np.ndarray,
     budget: int,
-) -> int:  # fmt: skip
+) -> int:
     """Writes the optimum x (n,); returns the number of factorisations, or -1 when `budget` did not suffice.
 
     Args:

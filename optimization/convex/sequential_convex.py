@@ -47,11 +47,20 @@ class SequentialModel(Protocol[PointT]):
         ...
 
     def between(self, start: PointT, end: PointT, step: float) -> PointT:
-        """The point at this part of the way; it satisfies every convex constraint that both ends satisfy."""
+        """The point at this part of the way; it satisfies every convex constraint that both ends satisfy.
+
+        Args:
+            start, end: two points.
+            step: part of the way from start to end, 0 to 1.
+        """
         ...
 
     def distance(self, start: PointT, end: PointT) -> float:
-        """The greatest change of a variable that `trust` bounds."""
+        """The greatest change of a variable that `trust` bounds.
+
+        Args:
+            start, end: two points.
+        """
         ...
 
     def linearise(self, point: PointT) -> None:
@@ -59,7 +68,12 @@ class SequentialModel(Protocol[PointT]):
         ...
 
     def trust(self, point: PointT, radius: float) -> None:
-        """Bounds the step from this point."""
+        """Bounds the step from this point.
+
+        Args:
+            point: to stay near.
+            radius: greatest change of each bounded variable, in its unit.
+        """
         ...
 
 

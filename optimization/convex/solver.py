@@ -168,6 +168,10 @@ def worst_violation(prog: MathematicalProgram, x: np.ndarray) -> tuple[float, st
     """The greatest violation of any constraint of any program at x, and that constraint's name.
 
     Cone constraints are measured by the distance that their scalar part lacks.
+
+    Args:
+        prog: the program.
+        x: (n,) values of its variables.
     """
     worst, name = 0.0, ""
     for binding in prog.GetAllConstraints():

@@ -17,14 +17,25 @@ class SparseRows:
         self._values: list[np.ndarray] = []
 
     def add(self, rows: np.ndarray, cols: np.ndarray, values: np.ndarray | float) -> None:
-        """Adds values at (rows, cols); the three are broadcast against one another."""
+        """Adds values at (rows, cols); the three are broadcast against one another.
+
+        Args:
+            rows, cols: places.
+            values: coefficients.
+        """
         rows, cols, values = np.broadcast_arrays(rows, cols, np.asarray(values, float))
         self._rows.append(rows.ravel())
         self._cols.append(cols.ravel())
         self._values.append(values.ravel())
 
     def add_blocks(self, rows: np.ndarray, cols: np.ndarray, blocks: np.ndarray) -> None:
-        """Adds (..., a, b) blocks at rows (..., a) and columns (..., b)."""
+        """Adds (..., a, b) blocks at rows (..., a) and columns (..., b).
+
+        Args:
+            rows: (..., a) places.
+            cols: (..., b) places.
+            blocks: (..., a, b) coefficients.
+        """
         self.add(rows[..., :, None], cols[..., None, :], blocks)
 
     @property
@@ -39,7 +50,12 @@ class SparseRows:
         return np.concatenate([np.zeros(0), *self._values])
 
     def pattern(self, num_rows: int, num_cols: int) -> RowPattern:
-        """Where the entries stand, over the columns that occur."""
+        """Where the entries stand, over the columns that occur.
+
+        Args:
+            num_rows: of the matrix.
+            num_cols: number of the program's variables.
+        """
         rows, cols = self.places
         occurs = np.zeros(num_cols, bool)
         occurs[cols] = True
@@ -66,7 +82,13 @@ class RowPattern:
 
     @classmethod
     def of(cls, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int], columns: np.ndarray) -> RowPattern:
-        """The pattern of entries at (rows, cols), each place occurring once."""
+        """The pattern of entries at (rows, cols), each place occurring once.
+
+        Args:
+            rows, cols: (k,) places of the entries.
+            shape: of the matrix over all columns.
+            columns: (m,) columns that are kept, ascending.
+        """
         numbered = sp.coo_matrix((np.arange(1, len(rows) + 1), (rows, cols)), shape=shape).tocsc()
         numbered.sort_indices()
         if numbered.nnz != len(rows):

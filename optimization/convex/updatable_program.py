@@ -142,14 +142,26 @@ class UpdatableProgram:
         return self._known
 
     def add_variables(self, name: str, count: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-        """(count, width) new variables and their places."""
+        """(count, width) new variables and their places.
+
+        Args:
+            name: of the variables.
+            count, width: number of rows and columns.
+        """
         size = count * width
         index = self.num_vars + np.arange(size).reshape(count, width)
         self.num_vars += size
         return self._prog.NewContinuousVariables(size, name).reshape(count, width), index
 
     def add_rows(self, name: str, rows: SparseRows, lower: np.ndarray | None, upper: np.ndarray) -> None:
-        """Adds lower <= rows x <= upper, an equality where `lower` is None."""
+        """Adds lower <= rows x <= upper, an equality where `lower` is None.
+
+        Args:
+            name: of the block.
+            rows: coefficients of R rows.
+            lower: (R,) bounds.
+            upper: (R,) bounds.
+        """
         pattern = rows.pattern(len(upper), self.num_vars)
         A = pattern.matrix(rows.values)
         constraint = LinearEqualityConstraint(A, upper) if lower is None else LinearConstraint(A, lower, upper)
@@ -158,13 +170,26 @@ class UpdatableProgram:
         self._rows[name] = _RowBlock(name, constraint, pattern, rows, lower, upper)
 
     def update_rows(self, name: str, rows: SparseRows, lower: np.ndarray | None, upper: np.ndarray) -> None:
-        """Gives a block of rows new numbers at the places that it has."""
+        """Gives a block of rows new numbers at the places that it has.
+
+        Args:
+            name: of the block.
+            rows: coefficients of R rows.
+            lower: (R,) bounds, None for equality.
+            upper: (R,) bounds.
+        """
         block = self._rows[name]
         block.rows, block.lower, block.upper, block.stale = rows, lower, upper, True
         self._pass_on()
 
     def add_bounds(self, name: str, index: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-        """Adds lower <= x[index] <= upper; all of one shape, or bounds that broadcast."""
+        """Adds lower <= x[index] <= upper; all of one shape, or bounds that broadcast.
+
+        Args:
+            name: of the block.
+            index: places of the variables.
+            lower, upper: bounds.
+        """
         lower, upper = (np.broadcast_to(bound, index.shape).ravel() for bound in (lower, upper))
         variables = self._variables()[index.ravel()]
         constraint = self._prog.AddBoundingBoxConstraint(lower, upper, variables).evaluator()
@@ -172,14 +197,25 @@ class UpdatableProgram:
         self._bounds[name] = _BoundBlock(constraint, index.ravel(), lower, upper)
 
     def update_bounds(self, name: str, lower: np.ndarray, upper: np.ndarray) -> None:
-        """Gives a block of bounds new numbers."""
+        """Gives a block of bounds new numbers.
+
+        Args:
+            name: of the block.
+            lower, upper: bounds, as many as the block has variables.
+        """
         block = self._bounds[name]
         block.lower, block.upper = (np.broadcast_to(bound.ravel(), block.index.shape) for bound in (lower, upper))
         block.stale = True
         self._pass_on()
 
     def add_cones(self, name: str, A: np.ndarray, index: np.ndarray) -> None:
-        """Adds A[j] x[index[j]] in the second-order cone: (J, m, n) and (J, n)."""
+        """Adds A[j] x[index[j]] in the second-order cone: (J, m, n) and (J, n).
+
+        Args:
+            name: of the block.
+            A: (J, m, n) matrices; the first row is the cone's scalar part.
+            index: (J, n) places of the variables.
+        """
         self._cones[name] = []
         for matrix, places in zip(A, index, strict=True):
             cone = LorentzConeConstraint(matrix, np.zeros(len(matrix)))
@@ -188,12 +224,22 @@ class UpdatableProgram:
             self._cones[name].append(cone)
 
     def update_cones(self, name: str, A: np.ndarray) -> None:
-        """Gives cones new (J, m, n) matrices."""
+        """Gives cones new (J, m, n) matrices.
+
+        Args:
+            name: of the block.
+            A: (J, m, n) matrices.
+        """
         for cone, matrix in zip(self._cones[name], A, strict=True):
             cone.UpdateCoefficients(matrix, np.zeros(len(matrix)))
 
     def add_linear_cost(self, index: np.ndarray, price: float) -> None:
-        """Adds price times the sum of x[index]."""
+        """Adds price times the sum of x[index].
+
+        Args:
+            index: (k,) places of the variables.
+            price: of each, per unit.
+        """
         self._linear = np.zeros(self.num_vars)
         self._linear[index] = price
         variables = self._variables()[index]
@@ -203,7 +249,12 @@ class UpdatableProgram:
     def add_diagonal_costs(
         self, diagonal: np.ndarray, target: np.ndarray, groups: list[tuple[str, np.ndarray]]
     ) -> None:
-        """Adds sum diagonal (x - target)^2, one cost of Drake for each named group of places."""
+        """Adds sum diagonal (x - target)^2, one cost of Drake for each named group of places.
+
+        Args:
+            diagonal, target: (num_vars,) weights and targets.
+            groups: name and places (k,) of each group.
+        """
         self._diagonal, self._target = diagonal, target
         for name, index in groups:
             used = index[diagonal[index] > 0]
@@ -213,7 +264,11 @@ class UpdatableProgram:
             self._costs.append((cost, used))
 
     def update_diagonal_costs(self, diagonal: np.ndarray, target: np.ndarray) -> None:
-        """New weights and targets; a weight that was zero stays zero."""
+        """New weights and targets; a weight that was zero stays zero.
+
+        Args:
+            diagonal, target: (num_vars,) weights and targets.
+        """
         self._diagonal, self._target = diagonal, target
         self._costs_stale, self._cost_read = True, None
         self._pass_on()

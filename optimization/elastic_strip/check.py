@@ -55,7 +55,12 @@ class Violations:
         return sum(self._shares)
 
     def merit(self, contact_weight: float, exact_penalty: float) -> float:
-        """What the violations cost in the program's own terms: falls along a step that the linearisation is right about."""
+        """What the violations cost in the program's own terms: falls along a step that the linearisation is right about.
+
+        Args:
+            contact_weight: of squared distances from the contacts [1/m^2].
+            exact_penalty: of distances outside balance and clearance [1/m].
+        """
         short = self.balance.sum() + self.clearance.sum() + self.place.sum()
         return float(contact_weight * (self.contact**2).sum() + exact_penalty * short)
 
@@ -76,6 +81,8 @@ def find_violations(
     """How far a strip is from doing its tasks.
 
     Args:
+        problem: the strip's tasks.
+        tree: of the robot.
         rows: of these configurations.
         q: (N, nq).
         X_WC: (C, 4, 4) the contacts now.
@@ -102,7 +109,12 @@ def find_violations(
 
 
 def strip_faults(problem: StripProblem, violations: Violations) -> tuple[StripFault, ...]:
-    """The worst fault of each task in each phase, in multiples of what is accepted the greatest first."""
+    """The worst fault of each task in each phase, in multiples of what is accepted the greatest first.
+
+    Args:
+        problem: the strip's.
+        violations: of its last motion.
+    """
     found: list[StripFault] = []
     effectors = ("left_foot", "right_foot", "left_palm", "right_palm")
     for phase in np.unique(problem.phase):
@@ -110,8 +122,11 @@ def strip_faults(problem: StripProblem, violations: Violations) -> tuple[StripFa
         for e, effector in enumerate(effectors):
             n = own[np.argmax(violations.contact[own, e])]
             contact = int(problem.held[n, e])
-            found.append(StripFault(CONTACT, int(n), int(phase), contact, effector,
-                                    float(violations.contact[n, e]), GOOD_CONTACT))  # fmt: skip
+            found.append(
+                StripFault(
+                    CONTACT, int(n), int(phase), contact, effector, float(violations.contact[n, e]), GOOD_CONTACT
+                )
+            )
         for task, values, limit, about in (
             (BALANCE, violations.balance, GOOD_BALANCE, "centre of mass"),
             (CLEARANCE, violations.clearance, GOOD_CLEARANCE, "body"),
@@ -126,7 +141,13 @@ def strip_faults(problem: StripProblem, violations: Violations) -> tuple[StripFa
 
 
 def frame_error(R_WA: np.ndarray, p_WA: np.ndarray, X_WB: np.ndarray) -> np.ndarray:
-    """(6,) rotation vector [rad] and translation [m] in W that take a frame at (R_WA, p_WA) to X_WB."""
+    """(6,) rotation vector [rad] and translation [m] in W that take a frame at (R_WA, p_WA) to X_WB.
+
+    Args:
+        R_WA: (3, 3) orientation.
+        p_WA: (3,) origin in W [m].
+        X_WB: (4, 4) pose in W [m].
+    """
     error = np.empty(6)
     rotation_error(np.ascontiguousarray(R_WA), np.ascontiguousarray(X_WB[:3, :3]), error[:3])
     error[3:] = X_WB[:3, 3] - p_WA

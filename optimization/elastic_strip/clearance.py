@@ -48,16 +48,25 @@ def make_terrain_rows(m: int) -> TerrainRows:
 
 @njit(cache=True)
 def close_to_terrain(
-    capsules: BodyCapsules, counted: np.ndarray, packed: PackedTerrain, R: np.ndarray, p: np.ndarray, within: float,
+    capsules: BodyCapsules,
+    counted: np.ndarray,
+    packed: PackedTerrain,
+    R: np.ndarray,
+    p: np.ndarray,
+    within: float,
     rows: TerrainRows,
-) -> int:  # fmt: skip
+) -> int:
     """Finds the counted shapes that are closer than `within` [m] to polygons, nearest capsule each; returns how many.
 
     Where there are more than `rows` has room for, the nearest are kept.
 
     Args:
+        capsules: shape of the robot.
         counted: (S,) bool, which shapes of `capsules` count.
-        R, p: link poses from `forward`.
+        packed: the terrain.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m], from `forward`.
+        within: distance that is looked for [m].
+        rows: written.
     """
     around = near(packed, p[0, 0] - BODY_REACH, p[0, 1] - BODY_REACH, p[0, 0] + BODY_REACH, p[0, 1] + BODY_REACH)
     a, b, c, point, normal = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -105,6 +114,13 @@ def axis_to_polygon(
     """Distance of the segment from a to b from polygon k [m]; negative where it passes through.
 
     Writes the segment's point (3,) that it belongs to and the unit normal (3,) along which it grows.
+
+    Args:
+        packed: the terrain.
+        k: index of the polygon.
+        a, b: (3,) ends of the segment in W [m].
+        point: (3,) written, in W [m].
+        normal: (3,) written, in W.
     """
     n = packed.normal[k]
     height_a = n[0] * a[0] + n[1] * a[1] + n[2] * a[2] - packed.offset[k]
@@ -144,10 +160,26 @@ def axis_to_polygon(
 
 @njit(cache=True)
 def terrain_row(
-    tree: KinematicTree, capsules: BodyCapsules, R: np.ndarray, p: np.ndarray, rows: TerrainRows, k: int,
-    J: np.ndarray, row: np.ndarray,
-) -> None:  # fmt: skip
-    """Writes row (nv,), the derivative of distance k of `rows` with respect to v; J (6, nv) is scratch."""
+    tree: KinematicTree,
+    capsules: BodyCapsules,
+    R: np.ndarray,
+    p: np.ndarray,
+    rows: TerrainRows,
+    k: int,
+    J: np.ndarray,
+    row: np.ndarray,
+) -> None:
+    """Writes row (nv,), the derivative of distance k of `rows` with respect to v; J (6, nv) is scratch.
+
+    Args:
+        tree: of the robot.
+        capsules: its shape.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        rows: distances from the terrain.
+        k: number of the distance.
+        J: (6, nv) scratch.
+        row: (nv,) written [m per unit of v].
+    """
     x = rows.point[k]
     point_jacobian(tree, R, p, int(capsules.link[rows.shape[k]]), x[0], x[1], x[2], J)
     n = rows.normal[k]

@@ -247,8 +247,17 @@ class ElasticStrip:
     def _look(self, state: StripState) -> Violations:
         """Linearises about a state and says what is wrong there."""
         options = self.options
-        linearise(self.tree, self._capsules, self._packed, self._effector_of, state.q, self._air,
-                  options.limb_clearance, options.air_clearance, self._rows)  # fmt: skip
+        linearise(
+            self.tree,
+            self._capsules,
+            self._packed,
+            self._effector_of,
+            state.q,
+            self._air,
+            options.limb_clearance,
+            options.air_clearance,
+            self._rows,
+        )
         self._polygons.move(state.X_WC)
         depth = np.full(self._num, np.inf)
         for n in np.flatnonzero((self.problem.support >= 0).any(axis=1)):
@@ -373,9 +382,15 @@ class ElasticStrip:
 
 def _iteration(before: Violations, record: SolveRecord, step: float, elapsed: float) -> StripIteration:
     return StripIteration(
-        float(before.contact.max(initial=0.0)), float(before.balance.max()), float(before.clearance.max()),
-        record.cost, step, record.solver, record.time, elapsed,
-    )  # fmt: skip
+        float(before.contact.max(initial=0.0)),
+        float(before.balance.max()),
+        float(before.clearance.max()),
+        record.cost,
+        step,
+        record.solver,
+        record.time,
+        elapsed,
+    )
 
 
 def _rests(violations: Violations, step: float, merits: list[float]) -> bool:

@@ -40,26 +40,49 @@ class StripRows(NamedTuple):
 
 
 def make_strip_rows(num: int, num_effectors: int, num_velocities: int) -> StripRows:
-    """Room for `num` configurations."""
+    """Room for `num` configurations.
+
+    Args:
+        num: of configurations.
+        num_effectors: E.
+        num_velocities: nv.
+    """
     M = MAX_TERRAIN + MAX_SELF
     return StripRows(
-        np.zeros((num, num_effectors, 3, 3)), np.zeros((num, num_effectors, 3)),
-        np.zeros((num, num_effectors, 6, num_velocities)), np.zeros((num, 3)), np.zeros((num, 2, num_velocities)),
-        np.zeros(num, np.int64), np.zeros((num, M)), np.zeros((num, M, num_velocities)),
-    )  # fmt: skip
+        np.zeros((num, num_effectors, 3, 3)),
+        np.zeros((num, num_effectors, 3)),
+        np.zeros((num, num_effectors, 6, num_velocities)),
+        np.zeros((num, 3)),
+        np.zeros((num, 2, num_velocities)),
+        np.zeros(num, np.int64),
+        np.zeros((num, M)),
+        np.zeros((num, M, num_velocities)),
+    )
 
 
 @njit(cache=True)
 def linearise(
-    tree: KinematicTree, capsules: BodyCapsules, packed: PackedTerrain, effector_of: np.ndarray, q: np.ndarray,
-    air: np.ndarray, limb_clearance: float, air_clearance: float, rows: StripRows,
-) -> None:  # fmt: skip
+    tree: KinematicTree,
+    capsules: BodyCapsules,
+    packed: PackedTerrain,
+    effector_of: np.ndarray,
+    q: np.ndarray,
+    air: np.ndarray,
+    limb_clearance: float,
+    air_clearance: float,
+    rows: StripRows,
+) -> None:
     """Fills `rows` for configurations q (N, nq).
 
     Args:
+        tree: of the robot.
+        capsules: its shape, S shapes.
+        packed: the terrain.
         effector_of: (S,) end effector that each shape of `capsules` belongs to, -1 for limbs and trunk.
+        q: (N, nq) configurations.
         air: (N, E) end effectors that must keep away from the terrain.
         limb_clearance, air_clearance: distance that limbs and end effectors in the air should keep from it [m].
+        rows: written.
     """
     n, nv, E = tree.parent.shape[0], q.shape[1] - 1, air.shape[1]
     R, p, J, J_com = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((6, nv)), np.empty((3, nv))

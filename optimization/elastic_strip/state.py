@@ -37,14 +37,20 @@ def first_state(problem: StripProblem) -> StripState:
 
 
 def moved_state(
-    state: StripState, dq: np.ndarray, dc: np.ndarray, tree: KinematicTree, regions: Sequence[ContactRegions],
+    state: StripState,
+    dq: np.ndarray,
+    dc: np.ndarray,
+    tree: KinematicTree,
+    regions: Sequence[ContactRegions],
     circle: np.ndarray,
-) -> StripState:  # fmt: skip
+) -> StripState:
     """The state after a step.
 
     Args:
+        state: before the step.
         dq: (N, nv) of the configurations [rad, m].
         dc: (C, 3) of the contacts in their frames: x, y [m] and turn about z [rad].
+        tree: of the robot.
         regions: of each contact.
         circle: (C,) which of them it must not leave; rounding is taken back.
     """
@@ -63,8 +69,10 @@ def course_pose(problem: StripProblem, state: StripState, n: int, e: int, X_WE: 
     """(4, 4) where an end effector in the air would be, had it moved with the contacts that it goes between.
 
     Args:
+        problem: the strip's, with the contacts as planned.
+        state: with the contacts as they are now.
         n, e: configuration and end effector.
-        X_WE: (4, 4) where it was planned.
+        X_WE: (4, 4) where it was planned, in W [m].
     """
     share, turn, move = problem.share[n], np.zeros(3), np.zeros(3)
     for c, weight in zip(problem.swing[n, e], (1.0 - share, share), strict=True):

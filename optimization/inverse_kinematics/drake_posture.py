@@ -172,7 +172,13 @@ class PostureSolver:
     def violations(
         self, q: np.ndarray, X_WE: Sequence[np.ndarray | None], com_region: np.ndarray | None
     ) -> tuple[Violation, ...]:
-        """What a posture does not keep, measured from the plant; worst first."""
+        """What a posture does not keep, measured from the plant; worst first.
+
+        Args:
+            q: (nq,) posture in Drake's order.
+            X_WE: (4, 4) pose wanted of each end effector in W [m], None where it is free.
+            com_region: (V, 2) convex polygon for the CoM, counter-clockwise [m]; None for anywhere.
+        """
         plant, options = self.robot_plant.plant, self.options
         plant_context = self._filtered(X_WE).plant_context
         plant.SetPositions(plant_context, q)
@@ -269,12 +275,25 @@ def solve_posture(
     q_guess: np.ndarray,
     options: PostureOptions = PostureOptions(),
 ) -> PostureAnswer:
-    """One posture; a caller with many keeps a `PostureSolver`, which is what this makes."""
+    """One posture; a caller with many keeps a `PostureSolver`, which is what this makes.
+
+    Args:
+        robot_plant: of the robot, with the terrain that it must not touch.
+        X_WE: (4, 4) pose wanted of each end effector in W [m], None where it is free.
+        com_region: (V, 2) convex polygon for the CoM, counter-clockwise [m]; None for anywhere.
+        q_guess: (nq,) to start from, in Drake's order.
+        options: tolerances and weights.
+    """
     return PostureSolver(robot_plant, options).solve(X_WE, com_region, q_guess)
 
 
 def held_context(robot_plant: RobotPlant, held: Sequence[bool]) -> Context:
-    """A diagram context whose collision filter leaves held soles and palms against the terrain out."""
+    """A diagram context whose collision filter leaves held soles and palms against the terrain out.
+
+    Args:
+        robot_plant: of the robot.
+        held: (E,) whether each end effector holds a contact.
+    """
     context = robot_plant.new_context()
     terrain = list(robot_plant.terrain_geometry)
     patches = [g for on, ids in zip(held, robot_plant.effector_geometry, strict=True) if on for g in ids]

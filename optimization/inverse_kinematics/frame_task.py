@@ -106,12 +106,24 @@ class TrackingTargets:
 
 
 def frame_targets(targets: TrackingTargets, f: int) -> TrackingTargets:
-    """The targets of frame f alone, without distances to keep."""
+    """The targets of frame f alone, without distances to keep.
+
+    Args:
+        targets: of all frames.
+        f: number of the frame.
+    """
     one = slice(f, f + 1)
     return TrackingTargets(
-        targets.X_WE[one], targets.place_weight[one], targets.turn_weight[one], targets.com[one],
-        targets.com_weight[one], targets.q_ref[one], targets.posture_weight, targets.lower, targets.upper,
-    )  # fmt: skip
+        targets.X_WE[one],
+        targets.place_weight[one],
+        targets.turn_weight[one],
+        targets.com[one],
+        targets.com_weight[one],
+        targets.q_ref[one],
+        targets.posture_weight,
+        targets.lower,
+        targets.upper,
+    )
 
 
 def frame_tasks(targets: TrackingTargets) -> FrameTask:
@@ -120,19 +132,39 @@ def frame_tasks(targets: TrackingTargets) -> FrameTask:
     rows = targets.rows if len(targets.rows.start) == T + 1 else no_rows(T)
     weight = np.stack([targets.place_weight, targets.turn_weight], axis=2)
     arrays = (
-        targets.X_WE, weight, targets.com, targets.com_weight, targets.q_ref, targets.posture_weight, targets.lower,
+        targets.X_WE,
+        weight,
+        targets.com,
+        targets.com_weight,
+        targets.q_ref,
+        targets.posture_weight,
+        targets.lower,
         targets.upper,
-    )  # fmt: skip
+    )
     return FrameTask(*(np.array(array, dtype=float, order="C") for array in arrays), rows, 0, 0)  # type: ignore[call-arg]
 
 
 @njit(cache=True)
 def task_of_frame(frames: FrameTask, t: int) -> FrameTask:
-    """Frame t of all frames; weights of the posture and limits of the joints are everybody's."""
+    """Frame t of all frames; weights of the posture and limits of the joints are everybody's.
+
+    Args:
+        frames: tasks of all frames.
+        t: number of the frame.
+    """
     return FrameTask(
-        frames.X_WE[t], frames.effector_weight[t], frames.com[t], frames.com_weight[t], frames.q_ref[t],
-        frames.posture_weight, frames.lower, frames.upper, frames.rows, frames.rows.start[t], frames.rows.start[t + 1],
-    )  # fmt: skip
+        frames.X_WE[t],
+        frames.effector_weight[t],
+        frames.com[t],
+        frames.com_weight[t],
+        frames.q_ref[t],
+        frames.posture_weight,
+        frames.lower,
+        frames.upper,
+        frames.rows,
+        frames.rows.start[t],
+        frames.rows.start[t + 1],
+    )
 
 
 @njit(cache=True)
@@ -154,10 +186,24 @@ def _add_row(H: np.ndarray, g: np.ndarray, row: np.ndarray, residual: float, col
 
 @njit(cache=True)
 def pair_distance(
-    tree: KinematicTree, R: np.ndarray, p: np.ndarray, link: np.ndarray, point: np.ndarray, normal: np.ndarray,
+    tree: KinematicTree,
+    R: np.ndarray,
+    p: np.ndarray,
+    link: np.ndarray,
+    point: np.ndarray,
+    normal: np.ndarray,
     at: np.ndarray,
-) -> float:  # fmt: skip
-    """Distance of the two points along the normal [m]; writes where they are in W, at (2, 3)."""
+) -> float:
+    """Distance of the two points along the normal [m]; writes where they are in W, at (2, 3).
+
+    Args:
+        tree: of the robot.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        link: (2,) links that carry the points, -1 for the world.
+        point: (2, 3) points in those links' frames, or in W [m].
+        normal: (3,) unit vector in W from the second point to the first.
+        at: (2, 3) written, in W [m].
+    """
     d = 0.0
     for s in range(2):
         k = link[s]
@@ -171,9 +217,16 @@ def pair_distance(
 
 @njit(cache=True)
 def _add_effectors(
-    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, row: np.ndarray, columns: np.ndarray,
-    H: np.ndarray, g: np.ndarray, error: np.ndarray,
-) -> float:  # fmt: skip
+    tree: KinematicTree,
+    frame: FrameTask,
+    R: np.ndarray,
+    p: np.ndarray,
+    row: np.ndarray,
+    columns: np.ndarray,
+    H: np.ndarray,
+    g: np.ndarray,
+    error: np.ndarray,
+) -> float:
     """Position and orientation of every end effector that has a weight; returns their part of the cost."""
     nv = frame.posture_weight.shape[0]
     J, R_WE, p_WE, turn = np.empty((6, nv)), np.empty((3, 3)), np.empty(3), np.empty(3)
@@ -205,7 +258,16 @@ def _add_effectors(
 def distance_row(
     tree: KinematicTree, rows: DistanceRows, r: int, R: np.ndarray, p: np.ndarray, J: np.ndarray, row: np.ndarray
 ) -> float:
-    """Writes row (nv,), the derivative of the distance of pair r, and returns it [m]; J (6, nv) is scratch."""
+    """Writes row (nv,), the derivative of the distance of pair r, and returns it [m]; J (6, nv) is scratch.
+
+    Args:
+        tree: of the robot.
+        rows: pairs of points.
+        r: number of the pair.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        J: (6, nv) scratch.
+        row: (nv,) written.
+    """
     at = np.empty((2, 3))
     d = pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
     for i in range(J.shape[1]):
@@ -223,9 +285,15 @@ def distance_row(
 
 @njit(cache=True)
 def _add_distances(
-    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, row: np.ndarray, columns: np.ndarray,
-    H: np.ndarray, g: np.ndarray,
-) -> None:  # fmt: skip
+    tree: KinematicTree,
+    frame: FrameTask,
+    R: np.ndarray,
+    p: np.ndarray,
+    row: np.ndarray,
+    columns: np.ndarray,
+    H: np.ndarray,
+    g: np.ndarray,
+) -> None:
     """Inequalities d + J v >= wanted as equalities d + J v - slack = wanted, slack >= 0, in the least-squares sense."""
     nv = frame.posture_weight.shape[0]
     J, rows = np.empty((6, nv)), frame.rows
@@ -243,7 +311,15 @@ def _add_distances(
 def add_missing_distances(
     tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, H: np.ndarray, g: np.ndarray
 ) -> float:
-    """The distances that fall short as they are, without slacks; returns their part of the cost."""
+    """The distances that fall short as they are, without slacks; returns their part of the cost.
+
+    Args:
+        tree: of the robot.
+        frame: what the frame should do.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        H: (nv or more, nv or more) matrix of the normal equations; added to.
+        g: (nv or more,) their right-hand side; added to.
+    """
     nv = frame.posture_weight.shape[0]
     J, row, columns, at = np.empty((6, nv)), np.empty(nv), np.empty(nv, np.int64), np.empty((2, 3))
     rows, cost = frame.rows, 0.0
@@ -261,12 +337,27 @@ def add_missing_distances(
 
 @njit(cache=True)
 def normal_equations(
-    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, q: np.ndarray, H: np.ndarray, g: np.ndarray,
+    tree: KinematicTree,
+    frame: FrameTask,
+    R: np.ndarray,
+    p: np.ndarray,
+    q: np.ndarray,
+    H: np.ndarray,
+    g: np.ndarray,
     errors: FrameErrors,
-) -> float:  # fmt: skip
+) -> float:
     """Gauss-Newton's H (upper triangle) and g at q, the errors there, and the cost without distances.
 
     Where H has room for them, slacks of the distances come last; where it has not, distances are left out.
+
+    Args:
+        tree: of the robot.
+        frame: what the frame should do.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        q: (nq,) configuration.
+        H: (nv or more, nv or more) written.
+        g: (nv or more,) written.
+        errors: written.
     """
     nv = frame.posture_weight.shape[0]
     H[:] = 0.0

@@ -31,7 +31,12 @@ class StepProgram(NamedTuple):
 
 @njit(cache=True)
 def make_program(num_velocities: int, max_rows: int) -> StepProgram:
-    """An empty program with room for `max_rows` inequality rows."""
+    """An empty program with room for `max_rows` inequality rows.
+
+    Args:
+        num_velocities: nv.
+        max_rows: inequality rows that it can take.
+    """
     m = num_velocities + max_rows
     return StepProgram(np.zeros((m, m)), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m, np.int64))
 
@@ -45,7 +50,15 @@ def clear_program(program: StepProgram) -> None:
 
 @njit(cache=True)
 def frame_error(tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, X_WE: np.ndarray, error: np.ndarray) -> None:
-    """Writes error (6,): the rotation vector [rad] and the translation [m], in W, from frame e to its target X_WE."""
+    """Writes error (6,): the rotation vector [rad] and the translation [m], in W, from frame e to its target X_WE.
+
+    Args:
+        tree: of the robot.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        e: number of the named frame.
+        X_WE: (4, 4) target in W [m].
+        error: (6,) written.
+    """
     R_WE, p_WE = np.empty((3, 3)), np.empty(3)
     frame_pose(tree, R, p, e, R_WE, p_WE)
     rotation_error(R_WE, X_WE[:3, :3], error[:3])
@@ -55,12 +68,27 @@ def frame_error(tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, X_WE:
 
 @njit(cache=True)
 def add_frame_task(
-    tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, error: np.ndarray, angular_weight: float,
-    linear_weight: float, program: StepProgram,
-) -> None:  # fmt: skip
+    tree: KinematicTree,
+    R: np.ndarray,
+    p: np.ndarray,
+    e: int,
+    error: np.ndarray,
+    angular_weight: float,
+    linear_weight: float,
+    program: StepProgram,
+) -> None:
     """Adds a task that moves frame e by error (6,): rotation [rad], then translation [m], in W.
 
     Only the columns of the base and of the joints between it and the frame are touched.
+
+    Args:
+        tree: of the robot.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        e: number of the named frame.
+        error: (6,) from `frame_error`.
+        angular_weight: of the rotation [1/rad].
+        linear_weight: of the translation [1/m].
+        program: added to.
     """
     link, o = tree.frame_link[e], tree.p_LE[e]
     x = p[link, 0] + R[link, 0, 0] * o[0] + R[link, 0, 1] * o[1] + R[link, 0, 2] * o[2]
@@ -106,7 +134,14 @@ def _cross(ax: float, ay: float, az: float, rx: float, ry: float, rz: float, col
 
 @njit(cache=True)
 def add_row(row: np.ndarray, error: float, weight: float, program: StepProgram) -> None:
-    """Adds the task row v = error; row is (nv,)."""
+    """Adds the task row v = error; row is (nv,).
+
+    Args:
+        row: (nv,) coefficients.
+        error: to move by, in the unit of row v.
+        weight: of the error [1 / its unit].
+        program: added to.
+    """
     w = weight * weight
     n = row.shape[0]
     for i in range(n):
@@ -120,7 +155,15 @@ def add_row(row: np.ndarray, error: float, weight: float, program: StepProgram) 
 
 @njit(cache=True)
 def add_inequality(row: np.ndarray, bound: float, weight: float, num_rows: int, program: StepProgram) -> int:
-    """Adds row v >= bound as number `num_rows`, row (nv,); returns how many there are. A full program ignores it."""
+    """Adds row v >= bound as number `num_rows`, row (nv,); returns how many there are. A full program ignores it.
+
+    Args:
+        row: (nv,) coefficients.
+        bound: b, in the unit of row v.
+        weight: of what is missing [1 / its unit].
+        num_rows: inequality rows that the program has.
+        program: added to.
+    """
     n = row.shape[0]
     s = n + num_rows
     if s >= program.g.shape[0]:
@@ -138,7 +181,14 @@ def add_inequality(row: np.ndarray, bound: float, weight: float, num_rows: int, 
 
 @njit(cache=True)
 def add_diagonal(i: int, error: float, weight: float, program: StepProgram) -> None:
-    """Adds the task v[i] = error."""
+    """Adds the task v[i] = error.
+
+    Args:
+        i: number of the velocity.
+        error: to move by [rad or m].
+        weight: of the error [1 / its unit].
+        program: added to.
+    """
     program.H[i, i] += weight * weight
     program.g[i] += weight * weight * error
 
@@ -148,6 +198,12 @@ def predicted_gain(program: StepProgram, num_velocities: int, m: int, length: fl
     """How much sum_k w_k^2 |r_k|^2 should fall along `length` of the answer x, were the tasks as linear as the rows.
 
     A step of nothing leaves each inequality's slack at what is satisfied already, so the comparison starts there.
+
+    Args:
+        program: solved.
+        num_velocities: nv.
+        m: number of unknowns, slacks included.
+        length: part of the step, 0 to 1.
     """
     gain = 0.0
     for i in range(m):
@@ -169,6 +225,12 @@ def edge_normal(region: np.ndarray, k: int, n: int, normal: np.ndarray) -> float
     """Writes the outward unit normal (2,) of edge k of a counter-clockwise polygon; returns b in normal . x <= b.
 
     An edge of no length has the normal 0 and bounds nothing.
+
+    Args:
+        region: (V, 2) polygon, counter-clockwise [m].
+        k: number of the edge.
+        n: number of vertices that count.
+        normal: (2,) written.
     """
     j = k + 1 if k + 1 < n else 0
     dx, dy = region[j, 0] - region[k, 0], region[j, 1] - region[k, 1]

@@ -32,7 +32,13 @@ def _heading(task: StanceTask, q: np.ndarray) -> tuple[float, float]:
 
 @njit(cache=True)
 def upright_base(model: WholeBodyModel, task: StanceTask, q: np.ndarray) -> np.ndarray:
-    """(3, 3) the base's nominal orientation, turned to the heading of the feet."""
+    """(3, 3) the base's nominal orientation, turned to the heading of the feet.
+
+    Args:
+        model: of the robot.
+        task: its feet give the heading.
+        q: (nq,) gives the heading where no foot is active.
+    """
     c, s = _heading(task, q)
     R_nominal = np.empty((3, 3))
     rotation_of_quaternion(model.q_nominal, R_nominal)
@@ -50,6 +56,13 @@ def guess_posture(model: WholeBodyModel, task: StanceTask, drop: float, bend: fl
     The base faces the mean heading of the feet, its hips over them, as high as nominal or as the legs reach, less
     `drop` [m]. The joints are nominal at `bend` 0 and in the middle of their limits at 1. Without an active foot,
     heading and place are those of the q that is passed in.
+
+    Args:
+        model: of the robot.
+        task: what the posture must hold.
+        drop: of the pelvis below its usual height [m].
+        bend: 0 for nominal joints, 1 for the middle of their limits.
+        q: (nq,) written.
     """
     c, s = _heading(task, q)
     x, y, z, ceiling, feet = 0.0, 0.0, 0.0, np.inf, 0

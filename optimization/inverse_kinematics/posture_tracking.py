@@ -65,6 +65,7 @@ def track_postures(
 
     Args:
         tree: the robot.
+        targets: what each frame should do.
         q: (T, nq) guesses; only the first is used where `chained`.
         solve: (T,) bool, frames to solve; the others keep q and are only judged. None solves all.
         chained: whether a frame that is solved starts from the one before it, moved as q_ref moves.
@@ -120,9 +121,16 @@ def _clamp(q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
 
 @njit(cache=True)
 def _track(
-    tree: KinematicTree, frames: FrameTask, solve: np.ndarray, chained: bool, max_iterations: int, q: np.ndarray,
-    effector_error: np.ndarray, com_error: np.ndarray, iterations: np.ndarray,
-) -> None:  # fmt: skip
+    tree: KinematicTree,
+    frames: FrameTask,
+    solve: np.ndarray,
+    chained: bool,
+    max_iterations: int,
+    q: np.ndarray,
+    effector_error: np.ndarray,
+    com_error: np.ndarray,
+    iterations: np.ndarray,
+) -> None:
     """All frames; the fields of `frames` have one more dimension in front, but for the weights and limits of joints."""
     ahead = np.empty(frames.posture_weight.shape[0])
     for t in range(q.shape[0]):

@@ -40,7 +40,12 @@ class ReachFigures:
 
 
 def measure_reach(robot_plant: RobotPlant, *, seed: int = 0) -> ReachFigures:
-    """Measures a robot alone (no terrain); takes some seconds."""
+    """Measures a robot alone (no terrain); takes some seconds.
+
+    Args:
+        robot_plant: of the robot.
+        seed: of the random postures.
+    """
     rng = np.random.default_rng(seed)
     shoulder, arm = _limb_root(robot_plant, LEFT_PALM)
     hip, leg = _limb_root(robot_plant, LEFT_FOOT)

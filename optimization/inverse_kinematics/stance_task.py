@@ -146,16 +146,29 @@ def make_posture(model: WholeBodyModel) -> MeasuredPosture:
     """Room for one posture of this robot; its contents are undefined."""
     n = model.tree.parent.shape[0]
     return MeasuredPosture(
-        np.empty(6 + n), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(3),
-        np.zeros((model.tree.frame_link.shape[0], 6)), np.empty(3), make_rows(_MAX_CLOSE_PAIRS),
-    )  # fmt: skip
+        np.empty(6 + n),
+        np.empty((n, 3, 3)),
+        np.empty((n, 3)),
+        np.empty(3),
+        np.zeros((model.tree.frame_link.shape[0], 6)),
+        np.empty(3),
+        make_rows(_MAX_CLOSE_PAIRS),
+    )
 
 
 @njit(cache=True)
 def measure(
     model: WholeBodyModel, task: StanceTask, options: IkOptions, R_upright: np.ndarray, pose: MeasuredPosture
 ) -> tuple[Shortfall, int]:
-    """Fills a pose from its q; returns its shortfall and the number of close pairs."""
+    """Fills a pose from its q; returns its shortfall and the number of close pairs.
+
+    Args:
+        model: of the robot.
+        task: what the posture must hold.
+        options: weights and margins.
+        R_upright: (3, 3) orientation preferred of the base, in W.
+        pose: its q is read, the rest written.
+    """
     tree, q = model.tree, pose.q
     forward(tree, q, pose.R, pose.p)
     center_of_mass(tree, pose.R, pose.p, pose.com)
@@ -202,7 +215,12 @@ def _outside(task: StanceTask, margin: float, com: np.ndarray) -> tuple[float, f
 
 @njit(cache=True)
 def is_held(shortfall: Shortfall, options: IkOptions) -> bool:
-    """Whether a posture that falls short by this much counts as found. False for NaN."""
+    """Whether a posture that falls short by this much counts as found. False for NaN.
+
+    Args:
+        shortfall: of a posture.
+        options: tolerances.
+    """
     return (
         shortfall.position <= options.position_tolerance
         and shortfall.angle <= options.angle_tolerance
@@ -214,10 +232,29 @@ def is_held(shortfall: Shortfall, options: IkOptions) -> bool:
 
 @njit(cache=True)
 def build_step(
-    model: WholeBodyModel, task: StanceTask, options: IkOptions, pose: MeasuredPosture, close: int,
-    damping: float, preference: float, J_com: np.ndarray, program: StepProgram,
-) -> int:  # fmt: skip
-    """Writes the quadratic program of one damped step; returns how many unknowns it has."""
+    model: WholeBodyModel,
+    task: StanceTask,
+    options: IkOptions,
+    pose: MeasuredPosture,
+    close: int,
+    damping: float,
+    preference: float,
+    J_com: np.ndarray,
+    program: StepProgram,
+) -> int:
+    """Writes the quadratic program of one damped step; returns how many unknowns it has.
+
+    Args:
+        model: of the robot.
+        task: what the posture must hold.
+        options: weights and margins.
+        pose: measured.
+        close: number of close pairs in it.
+        damping: added to the diagonal of H for the joints, a tenth of it for the base.
+        preference: factor of what is only preferred, the posture and an upright base.
+        J_com: (3, nv) scratch, the Jacobian of the CoM.
+        program: written.
+    """
     tree = model.tree
     nv = J_com.shape[1]
     clear_program(program)

@@ -232,7 +232,14 @@ class WholeBodyIK:
     def task(
         self, X_WE: np.ndarray, active: np.ndarray, region: np.ndarray | None, com_target: np.ndarray | None
     ) -> StanceTask:
-        """The checked task that `solve_stance` takes; arguments as in `solve`."""
+        """The checked task that `solve_stance` takes; arguments as in `solve`.
+
+        Args:
+            X_WE: (E, 4, 4) target poses in W [m].
+            active: (E,) which of them are held.
+            region: (V, 2) convex polygon for the CoM, counter-clockwise [m]; None for anywhere.
+            com_target: (3,) where the CoM should be in W [m], NaN where free; None for free.
+        """
         E = len(self.kinematics.frames)
         # Copies: to numba a read-only array is of another type, and would be compiled anew.
         X_WE, active = np.array(X_WE, dtype=float), np.array(active, dtype=np.bool_)

@@ -20,7 +20,12 @@ from scenes.gravity import GRAVITY
 
 
 def contact_wrenches(trajectory: CentroidalTrajectory, schedule: ContactSchedule) -> np.ndarray:
-    """(N, E, 6) moment [N m] about the contact point and force [N] on the robot, in W; acts over [t_n, t_n+1)."""
+    """(N, E, 6) moment [N m] about the contact point and force [N] on the robot, in W; acts over [t_n, t_n+1).
+
+    Args:
+        trajectory: with N knots.
+        schedule: its contacts.
+    """
     _, R_WC, _ = schedule.poses()
     wrench = np.zeros((*trajectory.contact.shape, 6))
     at = trajectory.contact >= 0
@@ -35,7 +40,15 @@ def contact_wrenches(trajectory: CentroidalTrajectory, schedule: ContactSchedule
 def joint_torques(
     tree: KinematicTree, q: np.ndarray, v: np.ndarray, vdot: np.ndarray, wrench: np.ndarray
 ) -> np.ndarray:
-    """(T, nv - 6) torques [N m] of the joints of a motion under wrenches (T, E, 6) as `contact_wrenches` gives them."""
+    """(T, nv - 6) torques [N m] of the joints of a motion under wrenches (T, E, 6) as `contact_wrenches` gives them.
+
+    Args:
+        tree: of the robot.
+        q: (T, nq) configurations.
+        v: (T, nv) velocities.
+        vdot: (T, nv) accelerations.
+        wrench: (T, E, 6) moments [N m] about the contact points and forces [N] on the robot, in W.
+    """
     tau = inverse_dynamics(tree, q, v, vdot)
     _take_contacts(tree, np.array(q, dtype=float, order="C"), np.array(wrench, dtype=float, order="C"), tau)
     return tau[:, 6:]
@@ -55,6 +68,7 @@ def motion_torques(
     falls into; the mean of two at the knot between them.
 
     Args:
+        tree: of the robot.
         t: (T,) times of the frames [s].
         q: (T, nq).
         v: (T, nv).

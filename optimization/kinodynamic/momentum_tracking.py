@@ -137,6 +137,7 @@ def track_momentum(
         tree: the robot.
         targets: what each frame should do.
         links: what joins them.
+        q: (T, nq) motion to start from.
         max_iterations: of Gauss-Newton.
         tolerance: relative decrease of the cost at which it ends.
     """
@@ -145,9 +146,11 @@ def track_momentum(
     nv = q.shape[1] - 1
     frames, between = frame_tasks(targets), _links(links, T, nv)
     normal, other = (
-        _Normal(np.empty((T * nv, 2 * nv + 1)), np.empty(T * nv), np.zeros((T, E)), np.empty((T, 3)), np.empty((T - 1, 6)))
+        _Normal(
+            np.empty((T * nv, 2 * nv + 1)), np.empty(T * nv), np.zeros((T, E)), np.empty((T, 3)), np.empty((T - 1, 6))
+        )
         for _ in range(2)
-    )  # fmt: skip
+    )
     _clamp(q, frames.lower, frames.upper, between.fixed)
     cost = _assemble(tree, frames, between, q, normal)
     trial, damping, taken = np.empty_like(q), 0.0, 0
@@ -172,14 +175,25 @@ def track_momentum(
 
 
 def motion_momentum(tree: KinematicTree, q: np.ndarray, dt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 3) CoM of each frame [m] and (T - 1, 6) angular and linear momentum from each frame to the next."""
+    """(T, 3) CoM of each frame [m] and (T - 1, 6) angular and linear momentum from each frame to the next.
+
+    Args:
+        tree: of the robot.
+        q: (T, nq) motion.
+        dt: (T - 1,) times between the frames [s].
+    """
     com, momentum = np.empty((len(q), 3)), np.empty((len(q) - 1, 6))
     _momentum(tree, np.array(q, dtype=float, order="C"), np.array(dt, dtype=float), com, momentum)
     return com, momentum
 
 
 def motion_poses(tree: KinematicTree, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, E, 4, 4) poses of the named frames in W [m] and (T, 3) CoM [m] of a motion q (T, nq)."""
+    """(T, E, 4, 4) poses of the named frames in W [m] and (T, 3) CoM [m] of a motion q (T, nq).
+
+    Args:
+        tree: of the robot.
+        q: (T, nq) motion.
+    """
     X_WE, com = np.zeros((len(q), len(tree.frame_link), 4, 4)), np.empty((len(q), 3))
     X_WE[..., 3, 3] = 1.0
     _poses(tree, np.array(q, dtype=float, order="C"), X_WE, com)
@@ -190,9 +204,14 @@ def _links(links: MomentumTargets, num_frames: int, nv: int) -> _Links:
     nan = np.full(nv, np.nan)
     fixed = np.zeros(num_frames, np.bool_) if links.fixed is None else np.array(links.fixed, dtype=np.bool_)
     arrays = (
-        links.dt, links.momentum, links.weight, links.smooth, links.speed,
-        nan if links.v_start is None else links.v_start, nan if links.v_end is None else links.v_end,
-    )  # fmt: skip
+        links.dt,
+        links.momentum,
+        links.weight,
+        links.smooth,
+        links.speed,
+        nan if links.v_start is None else links.v_start,
+        nan if links.v_end is None else links.v_end,
+    )
     return _Links(*(np.array(array, dtype=float, order="C") for array in arrays), fixed)  # type: ignore[call-arg]
 
 

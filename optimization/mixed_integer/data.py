@@ -123,9 +123,18 @@ class MixedIntegerData:
         lower, upper = np.where(self.binary, whole, self.lower), np.where(self.binary, whole, self.upper)
         none = np.zeros(self.size, bool)
         return MixedIntegerData(
-            lower, upper, none, self.A, self.row_lower, self.row_upper, self.row_name, self.linear, self.constant,
-            self.quadratics, self.cones,
-        )  # fmt: skip
+            lower,
+            upper,
+            none,
+            self.A,
+            self.row_lower,
+            self.row_upper,
+            self.row_name,
+            self.linear,
+            self.constant,
+            self.quadratics,
+            self.cones,
+        )
 
 
 def read_program(prog: object) -> MixedIntegerData:
@@ -139,8 +148,15 @@ def read_program(prog: object) -> MixedIntegerData:
     """
     from pydrake.symbolic import Variable
 
-    known = ("LinearCost", "QuadraticCost", "LinearConstraint", "LinearEqualityConstraint", "LorentzConeConstraint",
-             "BoundingBoxConstraint", "RotatedLorentzConeConstraint")  # fmt: skip
+    known = (
+        "LinearCost",
+        "QuadraticCost",
+        "LinearConstraint",
+        "LinearEqualityConstraint",
+        "LorentzConeConstraint",
+        "BoundingBoxConstraint",
+        "RotatedLorentzConeConstraint",
+    )
     for binding in (*prog.GetAllCosts(), *prog.GetAllConstraints()):
         kind = type(binding.evaluator()).__name__
         if kind not in known:

@@ -29,6 +29,7 @@ def dive(data: MixedIntegerData, time_limit: float, accept: float = 1e-6) -> np.
     Args:
         data: the program.
         time_limit: seconds after which it gives up.
+        accept: greatest violation of a row or cone, in its unit.
     """
     from pydrake.solvers import ClarabelSolver, CommonSolverOption, SolverOptions
 

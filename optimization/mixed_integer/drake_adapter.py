@@ -23,7 +23,15 @@ GROWTH = 4
 
 
 def gurobi(data: MixedIntegerData, time_limit: float, gap: float, first_only: bool, tell: Tell) -> str:
-    """Gurobi through Drake; incumbents come from its callback."""
+    """Gurobi through Drake; incumbents come from its callback.
+
+    Args:
+        data: the program.
+        time_limit: [s].
+        gap: relative gap at which to stop [-].
+        first_only: whether the first incumbent ends it.
+        tell: called with cost, bound and values (None where unknown) of incumbents.
+    """
     from pydrake.solvers import GurobiSolver, SolverOptions
 
     solver, options = GurobiSolver(), SolverOptions()
@@ -42,7 +50,15 @@ def gurobi(data: MixedIntegerData, time_limit: float, gap: float, first_only: bo
 
 
 def mosek(data: MixedIntegerData, time_limit: float, gap: float, first_only: bool, tell: Tell) -> str:
-    """Mosek through Drake, which has no callbacks: the incumbent comes at the end."""
+    """Mosek through Drake, which has no callbacks: the incumbent comes at the end.
+
+    Args:
+        data: the program.
+        time_limit: [s].
+        gap: relative gap at which to stop [-].
+        first_only: whether the first incumbent ends it.
+        tell: called with cost, bound and values (None where unknown) of incumbents.
+    """
     from pydrake.solvers import MosekSolver, SolverOptions
 
     solver, options = MosekSolver(), SolverOptions()
@@ -60,6 +76,13 @@ def branch_and_bound(data: MixedIntegerData, time_limit: float, gap: float, firs
 
     It can stop after a number of nodes, not after a time, and tells of nothing on the way. So it starts again with
     four times the nodes until it is done: at most a third more work, and every round's incumbent is known.
+
+    Args:
+        data: the program.
+        time_limit: [s].
+        gap: not used: the solver has its own.
+        first_only: whether the first incumbent ends it.
+        tell: called with cost, bound and values (None where unknown) of incumbents.
     """
     from pydrake.solvers import ClarabelSolver, MixedIntegerBranchAndBound, SolutionResult
 

@@ -306,8 +306,11 @@ class _Worker:
         self._errors: IO[bytes] = tempfile.TemporaryFile()
         self._process: subprocess.Popen[bytes] = subprocess.Popen(
             [sys.executable, "-m", "optimization.mixed_integer.worker"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, env=environment,
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            env=environment,
+        )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._frames: IO[bytes] = self._process.stdout

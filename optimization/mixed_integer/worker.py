@@ -44,7 +44,12 @@ class Job:
 
 
 def write_frame(stream: BinaryIO, frame: tuple[Any, ...]) -> None:
-    """Appends one frame."""
+    """Appends one frame.
+
+    Args:
+        stream: binary pipe.
+        frame: values to send.
+    """
     payload = pickle.dumps(frame)
     stream.write(struct.pack("<q", len(payload)) + payload)
     stream.flush()

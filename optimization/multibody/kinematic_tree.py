@@ -55,7 +55,12 @@ class KinematicTree(NamedTuple):
 
 @njit(cache=True)
 def rotation_of_quaternion(q: np.ndarray, R: np.ndarray) -> None:
-    """Writes the (3, 3) rotation of q = (w, x, y, z), which need not be normalised."""
+    """Writes the (3, 3) rotation of q = (w, x, y, z), which need not be normalised.
+
+    Args:
+        q: (4 or more,) starts with the quaternion.
+        R: (3, 3) written.
+    """
     w, x, y, z = q[0], q[1], q[2], q[3]
     s = 2.0 / (w * w + x * x + y * y + z * z)
     R[0, 0] = 1.0 - s * (y * y + z * z)
@@ -71,7 +76,13 @@ def rotation_of_quaternion(q: np.ndarray, R: np.ndarray) -> None:
 
 @njit(cache=True)
 def forward(tree: KinematicTree, q: np.ndarray, R: np.ndarray, p: np.ndarray) -> None:
-    """Writes every link's pose in W: rotations R (n, 3, 3) and origins p (n, 3) [m] from positions q (7 + n - 1,)."""
+    """Writes every link's pose in W: rotations R (n, 3, 3) and origins p (n, 3) [m] from positions q (7 + n - 1,).
+
+    Args:
+        tree: n links.
+        q: (6 + n,) positions.
+        R, p: (n, 3, 3) and (n, 3) written.
+    """
     rotation_of_quaternion(q, R[0])
     p[0, 0], p[0, 1], p[0, 2] = q[4], q[5], q[6]
     for i in range(1, tree.parent.shape[0]):
@@ -96,7 +107,14 @@ def forward(tree: KinematicTree, q: np.ndarray, R: np.ndarray, p: np.ndarray) ->
 
 @njit(cache=True)
 def frame_pose(tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, R_WE: np.ndarray, p_WE: np.ndarray) -> None:
-    """Writes the pose of named frame e in W, R_WE (3, 3) and p_WE (3,) [m], from the link poses of `forward`."""
+    """Writes the pose of named frame e in W, R_WE (3, 3) and p_WE (3,) [m], from the link poses of `forward`.
+
+    Args:
+        tree: n links.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        e: number of the named frame.
+        R_WE, p_WE: (3, 3) and (3,) written.
+    """
     k = tree.frame_link[e]
     for a in range(3):
         r0, r1, r2 = R[k, a, 0], R[k, a, 1], R[k, a, 2]
@@ -109,7 +127,15 @@ def frame_pose(tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, R_WE: 
 def point_jacobian(
     tree: KinematicTree, R: np.ndarray, p: np.ndarray, link: int, x: float, y: float, z: float, J: np.ndarray
 ) -> None:
-    """Writes J (6, nv): angular, then linear velocity in W of the point (x, y, z) [m] of W that moves with a link."""
+    """Writes J (6, nv): angular, then linear velocity in W of the point (x, y, z) [m] of W that moves with a link.
+
+    Args:
+        tree: n links.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        link: number of the link.
+        x, y, z: the point in W [m].
+        J: (6, nv) written.
+    """
     J[:] = 0.0
     for a in range(3):
         J[a, a] = 1.0
@@ -135,7 +161,14 @@ def point_jacobian(
 
 @njit(cache=True)
 def frame_jacobian(tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, J: np.ndarray) -> None:
-    """Writes J (6, nv): spatial velocity (w_WE, v_WE) of named frame e, in W, a unit of v each column."""
+    """Writes J (6, nv): spatial velocity (w_WE, v_WE) of named frame e, in W, a unit of v each column.
+
+    Args:
+        tree: n links.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        e: number of the named frame.
+        J: (6, nv) written.
+    """
     k = tree.frame_link[e]
     o = tree.p_LE[e]
     x = p[k, 0] + R[k, 0, 0] * o[0] + R[k, 0, 1] * o[1] + R[k, 0, 2] * o[2]
@@ -146,7 +179,13 @@ def frame_jacobian(tree: KinematicTree, R: np.ndarray, p: np.ndarray, e: int, J:
 
 @njit(cache=True)
 def center_of_mass(tree: KinematicTree, R: np.ndarray, p: np.ndarray, com: np.ndarray) -> None:
-    """Writes the centre of mass of the whole tree in W, com (3,) [m]."""
+    """Writes the centre of mass of the whole tree in W, com (3,) [m].
+
+    Args:
+        tree: n links.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        com: (3,) written.
+    """
     for a in range(3):
         com[a] = 0.0
         for i in range(tree.parent.shape[0]):
@@ -161,6 +200,12 @@ def com_jacobian(tree: KinematicTree, R: np.ndarray, p: np.ndarray, com: np.ndar
 
     Joint i moves the links that it carries; with their mass m_i and first moment s_i about the base's origin,
     M J[:, i] = axis_i x (s_i - m_i (p_i - p_0)).
+
+    Args:
+        tree: n links.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        com: (3,) written.
+        J: (3, nv) written.
     """
     n = tree.parent.shape[0]
     m = np.empty(n)
@@ -232,6 +277,12 @@ def momentum_matrix(tree: KinematicTree, R: np.ndarray, p: np.ndarray, com: np.n
 
     A v = (angular momentum about the centre of mass [kg m^2/s], linear momentum [kg m/s]), both in W. Each column is
     the momentum of what the joint carries when it alone moves, taken about p_WB and then shifted to the CoM.
+
+    Args:
+        tree: n links.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        com: (3,) written.
+        A: (6, nv) written.
     """
     n = tree.parent.shape[0]
     m, s, H = np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3))
@@ -263,7 +314,12 @@ def momentum_matrix(tree: KinematicTree, R: np.ndarray, p: np.ndarray, com: np.n
 
 @njit(cache=True)
 def rotation_error(R_WA: np.ndarray, R_WB: np.ndarray, w: np.ndarray) -> float:
-    """Writes w (3,) [rad], the rotation vector in W that takes A to B, exp([w]x) R_WA = R_WB; returns its angle."""
+    """Writes w (3,) [rad], the rotation vector in W that takes A to B, exp([w]x) R_WA = R_WB; returns its angle.
+
+    Args:
+        R_WA, R_WB: (3, 3) orientations.
+        w: (3,) written.
+    """
     # E = R_WB R_AW; its skew part is sin(angle) axis, its trace 1 + 2 cos(angle).
     wx, wy, wz, trace = 0.0, 0.0, 0.0, 0.0
     for k in range(3):
@@ -304,6 +360,12 @@ def integrate(q: np.ndarray, v: np.ndarray, dt: float, out: np.ndarray) -> None:
     """Writes the positions after moving at constant v (nv,) for dt [s]; the quaternion by the exponential map.
 
     The base's angular velocity is in W, so quat(out) = exp(w dt / 2) * quat(q), normalised. `out` may be `q`.
+
+    Args:
+        q: (nq,) positions.
+        v: (nv,) velocity, in Drake's order [rad/s, m/s].
+        dt: [s].
+        out: (nq,) written.
     """
     x, y, z = 0.5 * dt * v[0], 0.5 * dt * v[1], 0.5 * dt * v[2]
     half = np.sqrt(x * x + y * y + z * z)
@@ -322,7 +384,12 @@ def integrate(q: np.ndarray, v: np.ndarray, dt: float, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def difference(q1: np.ndarray, q2: np.ndarray, v: np.ndarray) -> None:
-    """Writes the v (nv,) with integrate(q1, v, 1) = q2, turning the base by the shorter way (at most pi)."""
+    """Writes the v (nv,) with integrate(q1, v, 1) = q2, turning the base by the shorter way (at most pi).
+
+    Args:
+        q1, q2: (nq,) positions.
+        v: (nv,) written [rad, m].
+    """
     w1, x1, y1, z1 = q1[0], q1[1], q1[2], q1[3]
     w2, x2, y2, z2 = q2[0], q2[1], q2[2], q2[3]
     # quat(q2) * conj(quat(q1)); atan2 forgives quaternions that are not normalised.

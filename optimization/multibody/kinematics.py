@@ -97,7 +97,12 @@ class Kinematics:
         return R, p
 
     def body_pose(self, q: np.ndarray, body: str) -> np.ndarray:
-        """(4, 4) X_WB of the body of this name [m]."""
+        """(4, 4) X_WB of the body of this name [m].
+
+        Args:
+            q: (nq,) positions in Drake's order.
+            body: name of a body of the model.
+        """
         link, X_LB = self.bodies[body]
         R, p = self.link_poses(q)
         X_WL = np.eye(4)
@@ -142,13 +147,23 @@ class Kinematics:
         return A
 
     def integrate(self, q: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
-        """(nq,) positions after moving at constant v for dt [s], the quaternion by the exponential map."""
+        """(nq,) positions after moving at constant v for dt [s], the quaternion by the exponential map.
+
+        Args:
+            q: (nq,) positions in Drake's order.
+            v: (nv,) velocity [rad/s, m/s].
+            dt: [s].
+        """
         out = np.empty(self.num_positions)
         integrate(self._checked(q, self.num_positions), self._checked(v, self.num_velocities), dt, out)
         return out
 
     def difference(self, q1: np.ndarray, q2: np.ndarray) -> np.ndarray:
-        """(nv,) the velocity that takes q1 to q2 in one second: integrate(q1, v, 1) = q2."""
+        """(nv,) the velocity that takes q1 to q2 in one second: integrate(q1, v, 1) = q2.
+
+        Args:
+            q1, q2: (nq,) positions in Drake's order.
+        """
         out = np.empty(self.num_velocities)
         difference(self._checked(q1, self.num_positions), self._checked(q2, self.num_positions), out)
         return out
@@ -206,9 +221,21 @@ def _read_plant(plant: MultibodyPlant, frames: tuple[str, ...]) -> Kinematics:
     frame_link, X_LE = _named_frames(plant, frames, attached)
     lower, upper, speed = (np.array(x, dtype=float).reshape(n - 1) for x in _limits(joints))
     tree = KinematicTree(
-        parent.astype(np.int64), prismatic, X_PF[:, :3, :3].copy(), X_PF[:, :3, 3].copy(), mass, p_LLcm, I_LLcm_L,
-        frame_link, X_LE[:, :3, :3].copy(), X_LE[:, :3, 3].copy(), lower, upper, speed, float(mass.sum()),
-    )  # fmt: skip
+        parent.astype(np.int64),
+        prismatic,
+        X_PF[:, :3, :3].copy(),
+        X_PF[:, :3, 3].copy(),
+        mass,
+        p_LLcm,
+        I_LLcm_L,
+        frame_link,
+        X_LE[:, :3, :3].copy(),
+        X_LE[:, :3, 3].copy(),
+        lower,
+        upper,
+        speed,
+        float(mass.sum()),
+    )
     return Kinematics(
         tree, frames, tuple(j.name() for j in joints), {a.body.name(): (a.link, a.X_LB) for a in attached.values()}
     )

@@ -18,7 +18,12 @@ BODY_REACH = 1.0  # [m] no part of a body is further from its base than this in 
 
 
 def limbs(tree: KinematicTree, capsules: BodyCapsules) -> np.ndarray:
-    """(S,) bool, True for the shapes that are no end effector's."""
+    """(S,) bool, True for the shapes that are no end effector's.
+
+    Args:
+        tree: of the robot.
+        capsules: its shape, S shapes.
+    """
     return ~np.isin(capsules.link, tree.frame_link)
 
 
@@ -29,7 +34,10 @@ def penetration(
     """Greatest depth [m] of a counted shape's capsule in a polygon, at most its radius; negative when all are clear.
 
     Args:
+        tree: of the robot.
+        capsules: its shape.
         counted: (S,) bool, which shapes of `capsules` count.
+        packed: the terrain.
         q: (nq,) posture.
     """
     num_links = tree.parent.shape[0]
@@ -57,7 +65,13 @@ def penetration(
 
 @njit(cache=True)
 def segment_distance(packed: PackedTerrain, k: int, a: np.ndarray, b: np.ndarray) -> float:
-    """Distance [m] between the segment from a to b and polygon k; 0 where it passes through."""
+    """Distance [m] between the segment from a to b and polygon k; 0 where it passes through.
+
+    Args:
+        packed: the terrain.
+        k: index of the polygon.
+        a, b: (3,) ends of the segment in W [m].
+    """
     n = packed.normal[k]
     height_a = n[0] * a[0] + n[1] * a[1] + n[2] * a[2] - packed.offset[k]
     height_b = n[0] * b[0] + n[1] * b[1] + n[2] * b[2] - packed.offset[k]
@@ -78,14 +92,27 @@ def segment_distance(packed: PackedTerrain, k: int, a: np.ndarray, b: np.ndarray
 
 @njit(cache=True)
 def place(R: np.ndarray, p: np.ndarray, local: np.ndarray, out: np.ndarray) -> None:
-    """Writes the point `local` of a link at (R, p) in W to `out`, (3,) each [m]."""
+    """Writes the point `local` of a link at (R, p) in W to `out`, (3,) each [m].
+
+    Args:
+        R, p: (3, 3) and (3,) pose of the link in W [m].
+        local: (3,) point in the link [m].
+        out: (3,) written, in W [m].
+    """
     for r in range(3):
         out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
 
 
 @njit(cache=True)
 def may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bool:
-    """Whether polygon k may have a point within `reach` of c (3,), by its box and its plane [m]."""
+    """Whether polygon k may have a point within `reach` of c (3,), by its box and its plane [m].
+
+    Args:
+        packed: the terrain.
+        k: index of the polygon.
+        c: (3,) point in W [m].
+        reach: [m].
+    """
     for r in range(3):
         if packed.low[k, r] > c[r] + reach or packed.high[k, r] < c[r] - reach:
             return False
@@ -95,7 +122,13 @@ def may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> boo
 
 @njit(cache=True)
 def over_polygon(packed: PackedTerrain, k: int, x: float, y: float, z: float) -> bool:
-    """Whether a point lies straight above or below polygon k, along its normal."""
+    """Whether a point lies straight above or below polygon k, along its normal.
+
+    Args:
+        packed: the terrain.
+        k: index of the polygon.
+        x, y, z: the point in W [m].
+    """
     for e in range(packed.count[k]):
         w = packed.edge_normal[k, e]
         if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e]:
