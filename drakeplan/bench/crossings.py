@@ -26,8 +26,8 @@ from drakeplan.plan.plan import tabulate_stances
 from drakeplan.plan.verified import verify_plan
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
-from drakeplan.verifier import verify
 from optimization.balance.balance_regions import balance_region
+from optimization.balance.friction import FrictionCone
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.inverse_kinematics.drake_posture import PostureSolver
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK

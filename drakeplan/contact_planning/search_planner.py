@@ -22,7 +22,7 @@ from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import AnaStar, Domain, Limits
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.centroidal.options import CentroidalOptions
-from optimization.centroidal.window_dynamics import TailDynamics
+from optimization.centroidal.window_dynamics import WindowDynamics
 from scenes.footholds.start_stance import standing_com
 from scenes.stance import Stance
 
@@ -101,7 +101,7 @@ class SearchPlanner:
             return None
         if dynamics == "exact" and settings.window:
             self._heuristic_weight = HEURISTIC_WEIGHT
-            program = TailDynamics(self.context.robot, self._centroidal_options())
+            program = WindowDynamics(self.context.robot, self._centroidal_options())
             return WindowDomain(self.domain, program, settings.dynamic_weights, settings.window)
         return ComDomain(self.domain, self._evaluator(), settings.dynamic_weights)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from drakeplan.contact_planning.contact_pool import ContactPool, Held
 from optimization.balance.balance_regions import balance_polygon
-from optimization.balance.friction import cone_generators, cone_index, frame_stands_alone
+from optimization.balance.friction import FrictionCone, cone_generators, frame_stands_alone
 from optimization.balance.static_equilibrium import ContactArrays
 from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
 from optimization.multibody.terrain_clearance import limbs, penetration

@@ -20,7 +20,7 @@ from drakeplan.contact_planning.contact_domain import ContactDomain
 from drakeplan.contact_planning.contact_pool import Held
 from drakeplan.contact_planning.dynamic_domain import DynamicDomain, State
 from drakeplan.contact_planning.dynamics_evaluator import stance_of
-from optimization.centroidal.window_dynamics import BodyState, TailDynamics
+from optimization.centroidal.window_dynamics import BodyState, WindowDynamics
 
 WINDOW = 5  # transitions
 HEURISTIC_WEIGHT = 200.0  # of the search until there is a first path: g counts this much less than h
@@ -60,7 +60,7 @@ class WindowDomain(DynamicDomain):
     def __init__(
         self,
         contacts: ContactDomain,
-        evaluator: TailDynamics,
+        evaluator: WindowDynamics,
         weights: DynamicWeights | None = None,
         window: int = WINDOW,
     ) -> None:
@@ -75,7 +75,7 @@ class WindowDomain(DynamicDomain):
         if window < 1:
             raise ValueError(f"window: expected at least one transition, got {window}")
         super().__init__(contacts, weights)
-        self.evaluator: TailDynamics = evaluator
+        self.evaluator: WindowDynamics = evaluator
         self.window = window
         self._windows: list[_Window] = []
 

@@ -101,9 +101,17 @@ class MotionFrames:
         schedule: Schedule,
         keys: KeyPostures,
         dynamics: SequenceDynamics,
-        guide: Guide | None = None,
+        com_course: ComCourse | None = None,
     ) -> None:
-        """A `guide` is what the CoM follows from key posture to key posture; without, it takes the shortest way."""
+        """Prepares the frames and plans the course through the key postures.
+
+        Args:
+            setting: robot, terrain and options.
+            schedule: the phases.
+            keys: one posture for each phase boundary.
+            dynamics: the centroidal program of the sequence.
+            com_course: CoM to follow from key posture to key posture; None: the CoM takes the shortest way.
+        """
         self.setting, self.schedule, self.keys = setting, schedule, keys
         self.tree = setting.ik.kinematics.tree
         self.t = schedule.times(1.0 / setting.rate)

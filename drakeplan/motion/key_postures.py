@@ -21,6 +21,7 @@ from drakeplan.motion.separation import Room, separate_bodies
 from drakeplan.motion.swing import SwingCurve
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.balance.balance_regions import balance_polygon, contact_arrays
+from optimization.balance.friction import FrictionCone
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK

@@ -123,17 +123,17 @@ class MotionResult:
 class MotionMaker:
     """Prepares the motion stage once for a query and makes motions over contact sequences."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        terrain: Terrain,
-        options: MotionOptions,
-        robot_plant: RobotPlant | None = None,
-        ik: WholeBodyIK | None = None,
-    ) -> None:
-        self.robot, self.options = robot, options
-        self.robot_plant = robot_plant or build_plant(robot, terrain)
-        ik = ik or WholeBodyIK(robot)
+    def __init__(self, context: QueryContext, options: MotionOptions | None = None) -> None:
+        """Prepares the motion stage.
+
+        Args:
+            context: robot, terrain and kinematics.
+            options: see `MotionOptions`.
+        """
+        options = options or MotionOptions()
+        self.robot, self.cone, self.options = context.robot, context.cone, options
+        self.robot_plant = context.robot_plant
+        ik = context.ik
         monitor = ProximityMonitor(self.robot_plant, ik.kinematics)
         self.effort = effort_limits(self.robot_plant.plant)
         self.setting = Setting(

@@ -51,7 +51,7 @@ class Room:
         return np.array([self.least.get(bodies, self.spread) for bodies in met.bodies])
 
 
-def apart(
+def separate_bodies(
     tree: KinematicTree,
     monitor: ProximityMonitor,
     targets: TrackingTargets,

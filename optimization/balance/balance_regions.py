@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from optimization.balance.friction import DEFAULT_CONE, cone_generators
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_generators
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
@@ -17,13 +17,13 @@ STRIP_CORNERS = 24  # of a strip's balance polygons; the others matter least
 NARROW = 0.4  # share of the way from the nearest edge of a narrow polygon to its centroid that stands for the margin
 
 
-def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> ContactArrays:
+def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactArrays:
     """The arrays of some of a robot's contacts, with friction from the contacts.
 
     Args:
         contacts: n of them.
         robot: gives patch sizes [m] and force limits [M g].
-        cone: one of `optimization.balance.friction.CONES`.
+        cone: friction cone.
 
     Raises:
         InputError: no friction cone has this name.
@@ -54,13 +54,13 @@ def balance_polygon(arrays: ContactArrays, most: int = ROOM) -> np.ndarray:
     return out[: com_polygon(*arrays, out)].copy()
 
 
-def balance_region(contacts: Sequence[Contact], robot: Robot, cone: str = DEFAULT_CONE) -> np.ndarray:
+def balance_region(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> np.ndarray:
     """All points over which the robot's centre of mass can rest while exactly these contacts carry it.
 
     Args:
         contacts: held at once, at most one per end effector.
         robot: gives patch sizes and force limits.
-        cone: one of `optimization.balance.friction.CONES`.
+        cone: friction cone.
 
     Returns:
         (V, 2) vertices [m] in W, counter-clockwise; V = 0 nowhere, 1 a point, 2 a segment.
@@ -77,7 +77,7 @@ class BalancePolygons:
     Args:
         robot: gives patch sizes and force limits.
         contacts: C of them.
-        cone: one of `optimization.balance.friction.CONES`.
+        cone: friction cone.
     """
 
     def __init__(self, robot: Robot, contacts: Sequence[Contact], cone: FrictionCone) -> None:

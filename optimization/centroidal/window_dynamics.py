@@ -38,7 +38,7 @@ class BodyState:
     angular_momentum: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
-class TailDynamics:
+class WindowDynamics:
     """Least-effort dynamics over consecutive stances from a given state, at the knots of the whole sequence's program.
 
     Each transition takes `shift_time` and `swing_time`; one interval more makes the last contact count. The CoM must end

@@ -14,7 +14,7 @@ from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import FrictionCone, frame_stands_alone
-from optimization.centroidal.window_dynamics import TailDynamics
+from optimization.centroidal.window_dynamics import WindowDynamics
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.footholds.start_stance import standing_com
 from scenes.library import slippery_slope
@@ -94,7 +94,7 @@ def test_the_late_cost_is_the_mean_effort_of_the_tail(ik) -> None:
     found = planner(ik, window=3)
     states = walk(found, 2)
     stances = [found._stance(state) for state in states]
-    tail = TailDynamics(ROBOT, Timing().options(ROBOT, "inner"))
+    tail = WindowDynamics(ROBOT, Timing().options(ROBOT, "inner"))
     start = found.dynamic._windows[states[0][5]].start
     truth = tail.solve(start, stances)
     assert found.dynamic.late_cost(states[2]) == pytest.approx(0.3 * truth.cost / 2, rel=1e-6)

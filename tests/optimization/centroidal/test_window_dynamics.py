@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
-from optimization.centroidal.window_dynamics import BodyState, TailDynamics
+from optimization.centroidal.window_dynamics import BodyState, WindowDynamics
 from scenes.contact import Contact
 from scenes.input_error import InputError
 from scenes.robots.robot import load_robot
@@ -44,14 +44,14 @@ def rest(stance: Stance) -> BodyState:
 def test_a_tail_of_one_is_a_transition() -> None:
     stances = walk(1)
     start = rest(stances[0])
-    one = TailDynamics(ROBOT, transition_options(ROBOT)).solve(start, stances)
+    one = WindowDynamics(ROBOT, transition_options(ROBOT)).solve(start, stances)
     other = TransitionDynamics(ROBOT).estimate(*stances, start.com, np.zeros(3))
     assert one.feasible
     assert one.cost == pytest.approx(other.cost, rel=1e-6)
 
 
 def test_what_is_left_of_a_least_effort_motion_is_one_too() -> None:
-    dynamics, stances = TailDynamics(ROBOT, transition_options(ROBOT)), walk(3)
+    dynamics, stances = WindowDynamics(ROBOT, transition_options(ROBOT)), walk(3)
     whole = dynamics.solve(rest(stances[0]), stances)
     at = dynamics.at_touchdown(whole.trajectory, 0)
     left = dynamics.solve(at, stances[1:])
@@ -62,7 +62,7 @@ def test_what_is_left_of_a_least_effort_motion_is_one_too() -> None:
 
 
 def test_the_states_are_those_of_the_knots_that_they_name() -> None:
-    dynamics, stances = TailDynamics(ROBOT, transition_options(ROBOT)), walk(2)
+    dynamics, stances = WindowDynamics(ROBOT, transition_options(ROBOT)), walk(2)
     trajectory = dynamics.solve(rest(stances[0]), stances).trajectory
     for k in (0, 1):
         mover = k
@@ -83,11 +83,11 @@ def test_steps_onto_a_slope_that_holds_nobody_must_be_prepared() -> None:
         com, velocity = alone.final_state(estimate)
         momentum, made = ROBOT.mass * velocity, made + 1
     assert made < 4  # least effort in each leaves the next one no way
-    assert TailDynamics(ROBOT, options).solve(rest(stances[0]), stances).feasible
+    assert WindowDynamics(ROBOT, options).solve(rest(stances[0]), stances).feasible
 
 
 def test_programs_are_used_again_and_answers_are_counted() -> None:
-    dynamics, stances = TailDynamics(ROBOT, transition_options(ROBOT)), walk(2)
+    dynamics, stances = WindowDynamics(ROBOT, transition_options(ROBOT)), walk(2)
     first = dynamics.solve(rest(stances[0]), stances)
     again = dynamics.solve(rest(stances[0]), stances)
     assert again.cost == pytest.approx(first.cost, rel=1e-6)
@@ -98,4 +98,4 @@ def test_programs_are_used_again_and_answers_are_counted() -> None:
 def test_stances_that_differ_in_two_feet_are_refused() -> None:
     stances = walk(2)
     with pytest.raises(InputError, match="differ in 2"):
-        TailDynamics(ROBOT, transition_options(ROBOT)).solve(rest(stances[0]), [stances[0], stances[2]])
+        WindowDynamics(ROBOT, transition_options(ROBOT)).solve(rest(stances[0]), [stances[0], stances[2]])

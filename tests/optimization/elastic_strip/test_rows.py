@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optimization.balance.balance_regions import BalancePolygons, balance_region, edge_rows
-from optimization.elastic_strip.check import contact_heading, frame_error, rotation_about
+from optimization.elastic_strip.check import frame_error, rotation_about
 from optimization.elastic_strip.clearance import WITHIN, axis_to_polygon
 from optimization.elastic_strip.rows import StripRows, linearise, make_strip_rows
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
