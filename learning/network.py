@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -31,8 +31,7 @@ NUM_REGRESSED = 7  # objective, final CoM (3), final CoM velocity (3)
 COST_OFFSET = 10.0  # [-] the shared network learns log(objective + this): below it differences matter little to a plan
 
 
-@dataclass(frozen=True, eq=False)
-class NetworkAnswer:
+class NetworkAnswer(NamedTuple):
     """What networks say of n transitions, in frame F and before calibration; rows of unknown category hold zeros.
 
     Attributes:
@@ -107,9 +106,9 @@ class SharedNetwork:
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
         """See `TransitionNetwork`."""
         y, n = self.mean_of_members(relative), len(relative)
-        logit, cost, com, velocity = np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3))
-        _read(y, self.low, self.high, c.feet_after, logit, cost, com, velocity)
-        return NetworkAnswer(logit, cost, com, velocity)
+        answer = NetworkAnswer(np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3)))
+        _read(y, self.low, self.high, c.feet_after, answer)
+        return answer
 
     def mean_of_members(self, relative: np.ndarray) -> np.ndarray:
         """(n, 8) raw outputs."""
@@ -149,14 +148,11 @@ class DocumentedNetworks:
 
 
 @njit(cache=True)
-def _read(
-    y: np.ndarray, low: np.ndarray, high: np.ndarray, feet_after: np.ndarray, logit: np.ndarray, cost: np.ndarray,
-    com: np.ndarray, velocity: np.ndarray,
-) -> None:  # fmt: skip
-    """Outputs of the shared network, cut off at the bounds and brought to SI units, into the last four."""
+def _read(y: np.ndarray, low: np.ndarray, high: np.ndarray, feet_after: np.ndarray, answer: NetworkAnswer) -> None:
+    """Outputs of the shared network, cut off at the bounds and brought to SI units, into the answer."""
     for i in range(len(y)):
         for k in range(NUM_REGRESSED):
             y[i, 1 + k] = min(max(y[i, 1 + k], low[k]), high[k])
-        logit[i], cost[i] = y[i, 0], max(np.exp(y[i, 1]) - COST_OFFSET, 0.0)
+        answer.logit[i], answer.cost[i] = y[i, 0], max(np.exp(y[i, 1]) - COST_OFFSET, 0.0)
         for a in range(3):
-            com[i, a], velocity[i, a] = feet_after[i, a] + y[i, 2 + a], y[i, 5 + a]
+            answer.com[i, a], answer.velocity[i, a] = feet_after[i, a] + y[i, 2 + a], y[i, 5 + a]

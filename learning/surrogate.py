@@ -18,13 +18,13 @@ import json
 from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from learning.calibration import TrainingRange
-from learning.network import TransitionNetwork
+from learning.network import NetworkAnswer, TransitionNetwork
 from learning.network_tensors import network_from_tensors, network_tensors
 from learning.relative_features import relative_feature_names, relative_features
 from learning.transition_batch import TransitionBatch
@@ -40,8 +40,7 @@ NAME = "dynamics"  # of the weight files in a robot's folder
 FRICTION_TOLERANCE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class TransitionPrediction:
+class TransitionPrediction(NamedTuple):
     """What a surrogate says of n transitions.
 
     Attributes:
@@ -62,6 +61,14 @@ class TransitionPrediction:
     velocity: np.ndarray
     far: np.ndarray
     category: np.ndarray
+
+
+class _Thresholds(NamedTuple):
+    """Calibration of each category, see `DynamicsSurrogate`."""
+
+    scale: np.ndarray
+    offset: np.ndarray
+    threshold: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +107,17 @@ class DynamicsSurrogate:
         """The same for representatives and their relative features; friction is not looked at."""
         n = len(c.category)
         says, distance = self.network.answer(c, relative), self.range.distance(relative, c.category)
-        probability, cost, com, velocity = np.zeros(n), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3))
-        feasible, far = np.zeros(n, np.bool_), np.ones(n, np.bool_)
-        _finish(
-            c.category, c.mirrored, c.heading, c.origin, says.logit, says.cost, says.com, says.velocity,
-            distance, self.scale, self.offset, self.threshold,
-            probability, feasible, cost, com, velocity, far,
-        )  # fmt: skip
-        return TransitionPrediction(probability, feasible, cost, com, velocity, far, c.category)
+        prediction = TransitionPrediction(
+            probability=np.zeros(n),
+            feasible=np.zeros(n, np.bool_),
+            cost=np.full(n, np.inf),
+            com=np.zeros((n, 3)),
+            velocity=np.zeros((n, 3)),
+            far=np.ones(n, np.bool_),
+            category=c.category,
+        )
+        _finish(c, says, distance, _Thresholds(self.scale, self.offset, self.threshold), prediction)
+        return prediction
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Every array of it by name, to be written."""
@@ -193,32 +203,35 @@ def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: 
 
 @njit(cache=True)
 def _finish(
-    category: np.ndarray, mirrored: np.ndarray, heading: np.ndarray, origin: np.ndarray, logit: np.ndarray,
-    cost_F: np.ndarray, com_F: np.ndarray, velocity_F: np.ndarray, distance: np.ndarray, scale: np.ndarray,
-    offset: np.ndarray, threshold: np.ndarray, probability: np.ndarray, feasible: np.ndarray, cost: np.ndarray,
-    com: np.ndarray, velocity: np.ndarray, far: np.ndarray,
-) -> None:  # fmt: skip
-    """Fills the arrays from `probability` on; rows of unknown category or with numbers that are not finite keep theirs.
+    c: CanonicalTransitions,
+    says: NetworkAnswer,
+    distance: np.ndarray,
+    categories: _Thresholds,
+    prediction: TransitionPrediction,
+) -> None:
+    """Fills the prediction; rows of unknown category or with numbers that are not finite keep what they hold.
 
     As `CanonicalTransitions.points_to_world` does, in one pass: NumPy would take longer for this than for the networks.
     """
-    for i in range(len(category)):
-        k = category[i]
+    com_F, velocity_F, com, velocity = says.com, says.velocity, prediction.com, prediction.velocity
+    scale, offset = categories.scale, categories.offset
+    for i in range(len(c.category)):
+        k = c.category[i]
         for a in range(3):
-            com[i, a] = origin[i, a]
-        c, s, y = heading[i, 0], heading[i, 1], -1.0 if mirrored[i] else 1.0
-        total = cost_F[i] + distance[i] + scale[k] * logit[i]
+            com[i, a] = c.origin[i, a]
+        cos, sin, y = c.heading[i, 0], c.heading[i, 1], -1.0 if c.mirrored[i] else 1.0
+        total = says.cost[i] + distance[i] + scale[k] * says.logit[i]
         for a in range(3):
             total += com_F[i, a] + velocity_F[i, a]
         if k < 0 or np.isnan(total) or np.isinf(distance[i]):
             continue
-        com[i, 0] += c * com_F[i, 0] - s * y * com_F[i, 1]
-        com[i, 1] += s * com_F[i, 0] + c * y * com_F[i, 1]
+        com[i, 0] += cos * com_F[i, 0] - sin * y * com_F[i, 1]
+        com[i, 1] += sin * com_F[i, 0] + cos * y * com_F[i, 1]
         com[i, 2] += com_F[i, 2]
-        velocity[i, 0] = c * velocity_F[i, 0] - s * y * velocity_F[i, 1]
-        velocity[i, 1] = s * velocity_F[i, 0] + c * y * velocity_F[i, 1]
+        velocity[i, 0] = cos * velocity_F[i, 0] - sin * y * velocity_F[i, 1]
+        velocity[i, 1] = sin * velocity_F[i, 0] + cos * y * velocity_F[i, 1]
         velocity[i, 2] = velocity_F[i, 2]
-        cost[i] = cost_F[i]
-        probability[i] = 1.0 / (1.0 + np.exp(-(scale[k] * logit[i] + offset[k])))
-        feasible[i] = probability[i] >= threshold[k]
-        far[i] = distance[i] > 1.0
+        prediction.cost[i] = says.cost[i]
+        prediction.probability[i] = 1.0 / (1.0 + np.exp(-(scale[k] * says.logit[i] + offset[k])))
+        prediction.feasible[i] = prediction.probability[i] >= categories.threshold[k]
+        prediction.far[i] = distance[i] > 1.0

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from scenes.effector import EFFECTORS
 from scenes.stance import Stance, changed_effector
+
+
+class TransitionArrays(NamedTuple):
+    """The arrays of a `TransitionBatch` as kernels take them; see there."""
+
+    held: np.ndarray
+    p: np.ndarray
+    R: np.ndarray
+    mover: np.ndarray
+    makes: np.ndarray
+    p_new: np.ndarray
+    R_new: np.ndarray
+    com: np.ndarray
+    velocity: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +68,13 @@ class TransitionBatch:
     def __len__(self) -> int:
         return len(self.held)
 
+    @property
+    def arrays(self) -> TransitionArrays:
+        """All of it but the friction, for kernels."""
+        return TransitionArrays(
+            self.held, self.p, self.R, self.mover, self.makes, self.p_new, self.R_new, self.com, self.velocity
+        )
+
     def take(self, rows: np.ndarray) -> TransitionBatch:
         """These rows of it, by index or mask."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -62,7 +84,12 @@ class TransitionBatch:
     def from_stances(
         cls, stances: Sequence[tuple[Stance, Stance]], com: np.ndarray, velocity: np.ndarray
     ) -> TransitionBatch:
-        """The batch of (before, after) pairs with (n, 3) CoMs [m] and velocities [m/s].
+        """The batch of n pairs of stances.
+
+        Args:
+            stances: before and after each transition.
+            com: (n, 3) CoM in W at the start [m].
+            velocity: (n, 3) its velocity in W [m/s].
 
         Raises:
             ValueError: a pair differs in none or in more than one end effector.
@@ -86,9 +113,15 @@ class TransitionBatch:
 
     @classmethod
     def of_children(
-        cls, p: np.ndarray, R: np.ndarray, before: Sequence[int] | np.ndarray, after: np.ndarray, com: np.ndarray,
-        velocity: np.ndarray, friction: np.ndarray | None = None,
-    ) -> TransitionBatch:  # fmt: skip
+        cls,
+        p: np.ndarray,
+        R: np.ndarray,
+        before: Sequence[int] | np.ndarray,
+        after: np.ndarray,
+        com: np.ndarray,
+        velocity: np.ndarray,
+        friction: np.ndarray | None = None,
+    ) -> TransitionBatch:
         """The n children of one search state, from contacts by number.
 
         Args:
@@ -105,26 +138,36 @@ class TransitionBatch:
         """
         before, after = np.asarray(before, np.int64), np.asarray(after, np.int64).reshape(-1, len(EFFECTORS))
         n = len(after)
-        held, mover, makes = np.zeros((n, 4), np.bool_), np.zeros(n, np.int64), np.zeros(n, np.bool_)
-        p_held, R_held = np.zeros((n, 4, 3)), np.zeros((n, 4, 3, 3))
-        p_new, R_new, least = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.full(n, np.inf)
-        mu = np.zeros(0) if friction is None else np.asarray(friction, float)
-        if not _children(p, R, mu, before, after, held, p_held, R_held, mover, makes, p_new, R_new, least):
-            raise ValueError("a child must differ from its parent in one end effector")
-        com_of, velocity_of = np.empty((n, 3)), np.empty((n, 3))
-        com_of[:], velocity_of[:] = com, velocity
-        return cls(
-            held, p_held, R_held, mover, makes, p_new, R_new, com_of, velocity_of, None if friction is None else least
+        children = TransitionArrays(
+            held=np.zeros((n, 4), np.bool_),
+            p=np.zeros((n, 4, 3)),
+            R=np.zeros((n, 4, 3, 3)),
+            mover=np.zeros(n, np.int64),
+            makes=np.zeros(n, np.bool_),
+            p_new=np.zeros((n, 3)),
+            R_new=np.zeros((n, 3, 3)),
+            com=np.empty((n, 3)),
+            velocity=np.empty((n, 3)),
         )
+        children.com[:], children.velocity[:] = com, velocity
+        mu, least = np.zeros(0) if friction is None else np.asarray(friction, float), np.full(n, np.inf)
+        if not _children(p, R, mu, before, after, children, least):
+            raise ValueError("a child must differ from its parent in one end effector")
+        return cls(*children, None if friction is None else least)
 
 
 @njit(cache=True)
 def _children(
-    p: np.ndarray, R: np.ndarray, mu: np.ndarray, before: np.ndarray, after: np.ndarray, held: np.ndarray,
-    p_held: np.ndarray, R_held: np.ndarray, mover: np.ndarray, makes: np.ndarray, p_new: np.ndarray,
-    R_new: np.ndarray, least: np.ndarray,
-) -> bool:  # fmt: skip
-    """Fills the arrays from `held` on; False where a row differs from `before` in none or in more than one entry."""
+    p: np.ndarray,
+    R: np.ndarray,
+    mu: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+    children: TransitionArrays,
+    least: np.ndarray,
+) -> bool:
+    """Fills `children` and `least`; False where a row differs from `before` in none or in more than one entry."""
+    held, p_held, R_held, mover, makes = children.held, children.p, children.R, children.mover, children.makes
     for i in range(len(after)):
         changed = 0
         for e in range(4):
@@ -142,7 +185,7 @@ def _children(
         number = after[i, mover[i]]
         if number >= 0:
             makes[i] = True
-            p_new[i], R_new[i] = p[number], R[number]
+            children.p_new[i], children.R_new[i] = p[number], R[number]
             if len(mu):
                 least[i] = min(least[i], mu[number])
     return True

@@ -30,13 +30,12 @@ velocity: a list of its own for each category. Another one is in `relative_featu
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from learning.transition_batch import TransitionBatch
+from learning.transition_batch import TransitionArrays, TransitionBatch
 from scenes.effector import EFFECTORS
 from scenes.stance import Stance
 
@@ -64,8 +63,7 @@ _SLOTS_OF_CATEGORY = (
 _MIRROR = np.array([1.0, -1.0, 1.0])
 
 
-@dataclass(frozen=True, eq=False)
-class CanonicalTransitions:
+class CanonicalTransitions(NamedTuple):
     """The representatives of n transitions, in frame F, mirrored where that is said.
 
     Attributes:
@@ -96,7 +94,7 @@ class CanonicalTransitions:
 
     def take(self, rows: np.ndarray) -> CanonicalTransitions:
         """These rows of it, by index or mask."""
-        return CanonicalTransitions(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return CanonicalTransitions(*(array[rows] for array in self))
 
     def vectors_from_world(self, v_W: np.ndarray) -> np.ndarray:
         """(n, 3) free vectors of W in the axes of F, mirrored like the rows."""
@@ -122,17 +120,21 @@ class CanonicalTransitions:
 def canonicalise(batch: TransitionBatch, frame: Frame = "heading") -> CanonicalTransitions:
     """Brings every transition to the representative of its class (see the top of the file)."""
     n = len(batch)
-    category, mover = np.full(n, UNKNOWN, np.int64), np.zeros(n, np.int64)
-    mirrored, present = np.zeros(n, np.bool_), np.zeros((n, 5), np.bool_)
-    origin, heading, p, R = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros((n, 5, 3)), np.zeros((n, 5, 3, 3))
-    com, velocity, feet_after = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    _canonicalise(
-        batch.held, batch.p, batch.R, batch.mover, batch.makes, batch.p_new, batch.R_new, batch.com, batch.velocity,
-        frame == "quarter", category, mirrored, origin, heading, mover, present, p, R, com, velocity, feet_after,
-    )  # fmt: skip
-    return CanonicalTransitions(
-        category, mirrored, origin, heading, mover, present, p, R, com, velocity, feet_after
-    )  # fmt: skip
+    c = CanonicalTransitions(
+        category=np.full(n, UNKNOWN, np.int64),
+        mirrored=np.zeros(n, np.bool_),
+        origin=np.zeros((n, 3)),
+        heading=np.zeros((n, 2)),
+        mover=np.zeros(n, np.int64),
+        present=np.zeros((n, 5), np.bool_),
+        p=np.zeros((n, 5, 3)),
+        R=np.zeros((n, 5, 3, 3)),
+        com=np.zeros((n, 3)),
+        velocity=np.zeros((n, 3)),
+        feet_after=np.zeros((n, 3)),
+    )
+    _canonicalise(batch.arrays, frame == "quarter", c)
+    return c
 
 
 def canonical(before: Stance, after: Stance, com: np.ndarray, velocity: np.ndarray) -> tuple[int, np.ndarray, bool]:
@@ -180,48 +182,47 @@ def tait_bryan(R: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _canonicalise(
-    held: np.ndarray, p: np.ndarray, R: np.ndarray, mover: np.ndarray, makes: np.ndarray, p_new: np.ndarray,
-    R_new: np.ndarray, com: np.ndarray, velocity: np.ndarray, quarter: bool, category: np.ndarray, mirrored: np.ndarray,
-    origin: np.ndarray, heading: np.ndarray, mover_F: np.ndarray, present: np.ndarray, p_F: np.ndarray,
-    R_F: np.ndarray, com_F: np.ndarray, velocity_F: np.ndarray, feet_after: np.ndarray,
-) -> None:  # fmt: skip
-    """Fills the arrays from `category` on, which hold zeros."""
-    for i in range(held.shape[0]):
-        m = mover[i]
-        kind, flip = _category(held[i], m, makes[i])
-        category[i] = kind
+def _canonicalise(batch: TransitionArrays, quarter: bool, canonical: CanonicalTransitions) -> None:
+    """Fills the representatives, which hold zeros."""
+    p, R, com, velocity, makes = batch.p, batch.R, batch.com, batch.velocity, batch.makes
+    origin, p_F, R_F = canonical.origin, canonical.p, canonical.R
+    com_F, velocity_F = canonical.com, canonical.velocity
+    for i in range(batch.held.shape[0]):
+        m = batch.mover[i]
+        kind, flip = _category(batch.held[i], m, makes[i])
+        canonical.category[i] = kind
         if kind < 0:
-            heading[i, 0] = 1.0
+            canonical.heading[i, 0] = 1.0
             continue
-        mirrored[i] = flip
+        canonical.mirrored[i] = flip
         c, s = _mean_heading(R[i])
         if quarter:
             c, s = (1.0 if c > 0 else -1.0, 0.0) if abs(c) >= abs(s) else (0.0, 1.0 if s > 0 else -1.0)
-        heading[i, 0], heading[i, 1] = c, s
+        canonical.heading[i, 0], canonical.heading[i, 1] = c, s
         for a in range(3):
             origin[i, a] = 0.5 * (p[i, 0, a] + p[i, 1, a])
         y = -1.0 if flip else 1.0
         for e in range(4):
-            if held[i, e]:
+            if batch.held[i, e]:
                 slot = e ^ 1 if flip else e  # left and right are neighbours in EFFECTORS
-                present[i, slot] = True
+                canonical.present[i, slot] = True
                 _set_pose(p[i, e], R[i, e], origin[i], c, s, y, p_F[i, slot], R_F[i, slot])
         if makes[i]:
-            present[i, 4] = True
-            _set_pose(p_new[i], R_new[i], origin[i], c, s, y, p_F[i, 4], R_F[i, 4])
-        mover_F[i] = m ^ 1 if flip else m
+            canonical.present[i, 4] = True
+            _set_pose(batch.p_new[i], batch.R_new[i], origin[i], c, s, y, p_F[i, 4], R_F[i, 4])
+        mover = m ^ 1 if flip else m
+        canonical.mover[i] = mover
         x0, x1 = com[i, 0] - origin[i, 0], com[i, 1] - origin[i, 1]
         com_F[i, 0], com_F[i, 1], com_F[i, 2] = c * x0 + s * x1, y * (c * x1 - s * x0), com[i, 2] - origin[i, 2]
         v = velocity[i]
         velocity_F[i, 0], velocity_F[i, 1], velocity_F[i, 2] = c * v[0] + s * v[1], y * (c * v[1] - s * v[0]), v[2]
         for a in range(3):
             left, right = p_F[i, 0, a], p_F[i, 1, a]
-            if makes[i] and mover_F[i] == 0:
+            if makes[i] and mover == 0:
                 left = p_F[i, 4, a]
-            elif makes[i] and mover_F[i] == 1:
+            elif makes[i] and mover == 1:
                 right = p_F[i, 4, a]
-            feet_after[i, a] = 0.5 * (left + right)
+            canonical.feet_after[i, a] = 0.5 * (left + right)
 
 
 @njit(cache=True)
