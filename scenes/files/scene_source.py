@@ -48,11 +48,6 @@ def list_scenes() -> dict[str, str]:
     return {name: (inspect.getdoc(build) or name).splitlines()[0] for name, build in NAMED_SCENES.items()}
 
 
-def list_meshes() -> list[str]:
-    """`hpp/<mesh>` for every mesh of hpp-environments, in alphabetical order; empty where it is not installed."""
-    return sorted(HPP + name for name in hpp_meshes() if Path(name).suffix not in MESH_SUFFIXES)
-
-
 def _scene_of_mesh(name: str, path: Path, reference: str) -> Scene:
     """A terrain made of one mesh, the start and the goal left to the caller."""
     from scenes.meshes.mesh_import import check_up_axis, import_mesh
