@@ -23,7 +23,7 @@ from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
-from scenes.footholds.projection import boxes_are_free, project_feet, project_palms
+from scenes.footholds.projection import boxes_are_free, no_placements, patch_shape, project_feet, project_palms
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -90,8 +90,7 @@ class ContactDomain:
         self._quasi_static = options.dynamics == "quasi-static"
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
-        self._half = [e.half_extent for e in robot.effectors]
-        self._overhang = [e.overhang for e in robot.effectors]
+        self._patches = [patch_shape(e) for e in robot.effectors]
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
@@ -264,11 +263,9 @@ class ContactDomain:
         xy_yaw = np.column_stack(
             [p0[0] + c * steps[:, 0] - s * steps[:, 1], p0[1] + s * steps[:, 0] + c * steps[:, 1], yaw0 + steps[:, 2]]
         )
-        n = len(xy_yaw)
-        p, R, surface = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64)
+        p, R, surface = placed = no_placements(len(xy_yaw))
         rise = self.robot.max_step_height
-        sole = (*self._half[mover], *self._overhang[mover])
-        project_feet(self.packed, mover, xy_yaw, p0[2] - rise, p0[2] + rise, *sole, p, R, surface)
+        project_feet(self.packed, mover, xy_yaw, (p0[2] - rise, p0[2] + rise), self._patches[mover], placed)
         fits = surface >= 0
         self.rejections["no foothold"] += int((~fits).sum())
         mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)
@@ -306,12 +303,10 @@ class ContactDomain:
         shoulder = self._shoulders(mean[None], np.array([yaw]), side)[0]
         c, s = np.cos(yaw), np.sin(yaw)
         rays_W = np.ascontiguousarray(rays @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
-        n = len(rays_W)
-        p, R, surface = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64)
+        p, R, surface = placed = no_placements(len(rays_W))
         low, high = self.robot.arm_reach
-        project_palms(
-            self.packed, 2 + side, shoulder, rays_W, yaw, low, ARM_SLACK * high, *self._half[2 + side], p, R, surface
-        )
+        palm = self._patches[2 + side]
+        project_palms(self.packed, 2 + side, shoulder, rays_W, yaw, (low, ARM_SLACK * high), palm, placed)
         keep = surface >= 0
         return np.unique(self.pool.add(2 + side, p[keep], R[keep], np.full(int(keep.sum()), 0.0), surface[keep]))
 

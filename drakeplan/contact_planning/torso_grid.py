@@ -10,8 +10,8 @@ wave stops as soon as the cell that was asked for is settled, so a large terrain
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -40,21 +40,68 @@ class TorsoGridOptions:
     support_radius: float = 0.4
 
 
+class _Wave(NamedTuple):
+    """Dijkstra's wave over nx * ny * TURNS cells s = (i * ny + j) * TURNS + t, and what is known of the cells.
+
+    Attributes:
+        origin: (2,) lowest x and y of the grid in W [m].
+        cell: edge of a cell [m].
+        support_radius: ground must lie this near a cell's centre [m].
+        turn_cost: cost of turning [m/rad].
+        step: greatest height between neighbouring cells [m].
+        box_centre: (3,) centre of the torso box over the ground, in a frame with its yaw [m].
+        box_size: (3,) full edges of the torso box [m].
+        ground: (nx, ny) height of the highest foot surface over each cell's centre [m], -inf where there is none.
+        height: (nx, ny) ground that the torso stands over [m], NaN where it was not looked for yet.
+        clear: (nx, ny) 1 where nothing is near the torso at any yaw, 2 where something is, 0 where that is unknown.
+        cost: (cells,) distance to the goal [m].
+        place: (cells,) place in the heap, or UNSEEN, SETTLED, BLOCKED.
+        heap: (cells,) cells in the order of a binary heap by cost.
+        size: (1,) how many cells are in the heap.
+    """
+
+    origin: np.ndarray
+    cell: float
+    support_radius: float
+    turn_cost: float
+    step: float
+    box_centre: np.ndarray
+    box_size: np.ndarray
+    ground: np.ndarray
+    height: np.ndarray
+    clear: np.ndarray
+    cost: np.ndarray
+    place: np.ndarray
+    heap: np.ndarray
+    size: np.ndarray
+
+
 class TorsoGrid:
-    """Distances to one goal on one terrain, grown on demand."""
+    """Distances to one goal on one terrain, grown on demand.
+
+    Attributes:
+        options: resolution and costs.
+        shape: cells in x, y and yaw.
+        num_goal_cells: free cells in the goal region.
+    """
 
     def __init__(
-        self, packed: PackedTerrain, robot: Robot, goal_xy: np.ndarray, goal_radius: float, goal_yaw: float | None,
+        self,
+        packed: PackedTerrain,
+        robot: Robot,
+        goal_xy: np.ndarray,
+        goal_radius: float,
+        goal_yaw: float | None,
         options: TorsoGridOptions | None = None,
-    ) -> None:  # fmt: skip
-        """Prepares the grid around the terrain and the goal.
+    ) -> None:
+        """Lays the grid over the ground and starts the wave from the goal region.
 
         Args:
             packed: the terrain.
-            robot: its torso box and greatest step height.
-            goal_xy: (2,) centre of the goal region in W [m].
+            robot: gives the torso box and the greatest height of a step.
+            goal_xy: (2,) middle of the goal region in W [m].
             goal_radius: of the goal region [m].
-            goal_yaw: heading at the goal about W's z [rad]; None: any.
+            goal_yaw: heading at the goal in W [rad], None for any.
             options: resolution and costs.
         """
         self.options = options or TorsoGridOptions()
@@ -62,76 +109,60 @@ class TorsoGrid:
         low = packed.low[feet, :2].min(axis=0) if feet.any() else np.zeros(2)
         high = packed.high[feet, :2].max(axis=0) if feet.any() else np.zeros(2)
         cell = self.options.cell
-        self._packed = packed
-        self._origin = np.floor(np.minimum(low, goal_xy) / cell - 1) * cell
-        nx, ny = (np.ceil((np.maximum(high, goal_xy) - self._origin) / cell) + 2).astype(int).tolist()
+        origin = np.floor(np.minimum(low, goal_xy) / cell - 1) * cell
+        nx, ny = (np.ceil((np.maximum(high, goal_xy) - origin) / cell) + 2).astype(int).tolist()
         self.shape = (nx, ny, TURNS)
-        self._ground = np.full((nx, ny), -np.inf)
-        _rasterise(packed, feet, self._origin, cell, self._ground)
         total = nx * ny * TURNS
-        self._cost = np.full(total, np.inf)
-        self._place = np.full(total, UNSEEN, np.int32)
-        self._heap = np.empty(total, np.int32)
-        self._height = np.full((nx, ny), np.nan)
-        self._clear = np.zeros((nx, ny), np.int8)
-        self._size = np.zeros(1, np.int64)
-        self._box = (
-            np.asarray(robot.torso_box_centre, float),
-            np.asarray(robot.torso_box_size, float),
+        self._packed = packed
+        self._wave = _Wave(
+            origin=origin,
+            cell=float(cell),
+            support_radius=float(self.options.support_radius),
+            turn_cost=float(self.options.turn_cost),
+            step=float(robot.max_step_height),
+            box_centre=np.array(robot.torso_box_centre, float),
+            box_size=np.array(robot.torso_box_size, float),
+            ground=np.full((nx, ny), -np.inf),
+            height=np.full((nx, ny), np.nan),
+            clear=np.zeros((nx, ny), np.int8),
+            cost=np.full(total, np.inf),
+            place=np.full(total, UNSEEN, np.int32),
+            heap=np.empty(total, np.int32),
+            size=np.zeros(1, np.int64),
         )
-        self._step = float(robot.max_step_height)
+        _rasterise(packed, self._wave, feet)
+        yaw = np.nan if goal_yaw is None else float(goal_yaw)
         self.num_goal_cells = _seed(
-            packed, self._ground, self._height, self._clear, self._cost, self._place, self._heap, self._size, self._origin, cell,
-            self.options.support_radius, *self._box, np.asarray(goal_xy, float), max(goal_radius, 0.75 * cell),
-            np.nan if goal_yaw is None else goal_yaw,
-        )  # fmt: skip
+            packed, self._wave, np.asarray(goal_xy, float), float(max(goal_radius, 0.75 * cell)), yaw
+        )
 
     def distance(self, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-        """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no path.
+        """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no way.
 
         Args:
-            x: (n,) position in W [m].
-            y: (n,) position in W [m].
-            yaw: (n,) heading about W's z [rad].
+            x: (n,) of the means of the feet in W [m].
+            y: (n,) of the means of the feet in W [m].
+            yaw: (n,) headings in W [rad].
         """
-        out = np.empty(len(x))
-        _query(
-            self._packed, self._ground, self._height, self._clear, self._cost, self._place, self._heap, self._size, self._origin,
-            self.options.cell, self.options.support_radius, *self._box, self._step, self.options.turn_cost,
-            np.ascontiguousarray(x, float), np.ascontiguousarray(y, float), np.ascontiguousarray(yaw, float), out,
-        )  # fmt: skip
-        return out
+        x, y, yaw = (np.ascontiguousarray(a, float) for a in (x, y, yaw))
+        return _query(self._packed, self._wave, x, y, yaw)
 
     def settled(self) -> np.ndarray:
         """(nx, ny) least distance over the yaws of the cells reached so far [m], inf elsewhere; for pictures."""
-        return np.where(self._place == SETTLED, self._cost, np.inf).reshape(self.shape).min(axis=2)
-
-
-GridDistance = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+        return np.where(self._wave.place == SETTLED, self._wave.cost, np.inf).reshape(self.shape).min(axis=2)
 
 
 @njit(cache=True)
-def _rasterise(
-    packed: PackedTerrain,
-    feet: np.ndarray,
-    origin: np.ndarray,
-    cell: float,
-    ground: np.ndarray,
-) -> None:
-    """Height of the highest foot surface over each cell's centre, -inf where there is none."""
+def _rasterise(packed: PackedTerrain, wave: _Wave, feet: np.ndarray) -> None:
+    """Fills `ground` from the polygons that feet (P,) may use."""
+    origin, cell, ground = wave.origin, wave.cell, wave.ground
     for k in range(packed.num_surfaces):
         if not feet[k] or packed.normal[k, 2] < 1e-3:
             continue
         i0 = max(int(np.floor((packed.low[k, 0] - origin[0]) / cell - 0.5)), 0)
-        i1 = min(
-            int(np.ceil((packed.high[k, 0] - origin[0]) / cell - 0.5)),
-            ground.shape[0] - 1,
-        )
+        i1 = min(int(np.ceil((packed.high[k, 0] - origin[0]) / cell - 0.5)), ground.shape[0] - 1)
         j0 = max(int(np.floor((packed.low[k, 1] - origin[1]) / cell - 0.5)), 0)
-        j1 = min(
-            int(np.ceil((packed.high[k, 1] - origin[1]) / cell - 0.5)),
-            ground.shape[1] - 1,
-        )
+        j1 = min(int(np.ceil((packed.high[k, 1] - origin[1]) / cell - 0.5)), ground.shape[1] - 1)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
@@ -148,12 +179,14 @@ def _rasterise(
 
 
 @njit(cache=True)
-def _height_at(ground: np.ndarray, height: np.ndarray, i: int, j: int, cell: float, radius: float) -> float:
+def _height_at(wave: _Wave, i: int, j: int) -> float:
     """Ground under a cell, or of the nearest cell within the support radius; -inf where there is none (kept)."""
+    ground, height = wave.ground, wave.height
     if not np.isnan(height[i, j]):
         return height[i, j]
     z = ground[i, j]
     if z == -np.inf:
+        cell, radius = wave.cell, wave.support_radius
         r = int(np.ceil(radius / cell))
         best = radius * radius / (cell * cell) + 1e-9
         for a in range(-r, r + 1):
@@ -205,47 +238,38 @@ def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray
 
 
 @njit(cache=True)
-def _free(
-    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, origin: np.ndarray, cell: float,
-    radius: float, centre: np.ndarray, box: np.ndarray, i: int, j: int, t: int,
-) -> bool:  # fmt: skip
+def _push(wave: _Wave, s: int) -> None:
+    """Adds a cell at the end of the heap."""
+    wave.heap[wave.size[0]] = s
+    wave.place[s] = wave.size[0]
+    wave.size[0] += 1
+
+
+@njit(cache=True)
+def _free(packed: PackedTerrain, wave: _Wave, i: int, j: int, t: int) -> bool:
     """Whether the torso may be in a cell; `clear` remembers the cells where nothing is near at any yaw."""
-    z = _height_at(ground, height, i, j, cell, radius)
+    z = _height_at(wave, i, j)
     if z == -np.inf:
         return False
-    x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
+    centre, box, clear = wave.box_centre, wave.box_size, wave.clear
+    x, y = wave.origin[0] + (i + 0.5) * wave.cell, wave.origin[1] + (j + 0.5) * wave.cell
     if clear[i, j] == 0:
         reach = np.sqrt((abs(centre[0]) + 0.5 * box[0]) ** 2 + (abs(centre[1]) + 0.5 * box[1]) ** 2)
-        empty = nothing_near(
-            packed,
-            x,
-            y,
-            reach,
-            z + centre[2] - 0.5 * box[2],
-            z + centre[2] + 0.5 * box[2],
-        )
-        clear[i, j] = 1 if empty else 2
+        z_low, z_high = z + centre[2] - 0.5 * box[2], z + centre[2] + 0.5 * box[2]
+        clear[i, j] = 1 if nothing_near(packed, x, y, reach, z_low, z_high) else 2
     return clear[i, j] == 1 or box_is_free(packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box)
 
 
 @njit(cache=True)
-def _seed(
-    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, cost: np.ndarray, place: np.ndarray,
-    heap: np.ndarray, size: np.ndarray, origin: np.ndarray, cell: float, radius: float, centre: np.ndarray,
-    box: np.ndarray, goal: np.ndarray, goal_radius: float, goal_yaw: float,
-) -> int:  # fmt: skip
-    nx, ny = ground.shape
+def _seed(packed: PackedTerrain, wave: _Wave, goal: np.ndarray, goal_radius: float, goal_yaw: float) -> int:
+    """Starts the wave in the free cells of the goal region, at any yaw where `goal_yaw` is NaN; their number."""
+    origin, cell = wave.origin, wave.cell
+    nx, ny = wave.ground.shape
     r = int(np.ceil(goal_radius / cell)) + 1
-    gi, gj = (
-        int(np.floor((goal[0] - origin[0]) / cell)),
-        int(np.floor((goal[1] - origin[1]) / cell)),
-    )
+    gi, gj = int(np.floor((goal[0] - origin[0]) / cell)), int(np.floor((goal[1] - origin[1]) / cell))
     for i in range(max(gi - r, 0), min(gi + r + 1, nx)):
         for j in range(max(gj - r, 0), min(gj + r + 1, ny)):
-            dx, dy = (
-                origin[0] + (i + 0.5) * cell - goal[0],
-                origin[1] + (j + 0.5) * cell - goal[1],
-            )
+            dx, dy = origin[0] + (i + 0.5) * cell - goal[0], origin[1] + (j + 0.5) * cell - goal[1]
             if dx * dx + dy * dy > goal_radius * goal_radius:
                 continue
             for t in range(TURNS):
@@ -253,87 +277,53 @@ def _seed(
                     turn = 2 * np.pi * t / TURNS - goal_yaw
                     if abs(np.arctan2(np.sin(turn), np.cos(turn))) > np.pi / TURNS + 1e-6:
                         continue
-                if _free(
-                    packed,
-                    ground,
-                    height,
-                    clear,
-                    origin,
-                    cell,
-                    radius,
-                    centre,
-                    box,
-                    i,
-                    j,
-                    t,
-                ):
+                if _free(packed, wave, i, j, t):
                     s = (i * ny + j) * TURNS + t
-                    cost[s] = 0.0
-                    heap[size[0]] = s
-                    place[s] = size[0]
-                    size[0] += 1
-    return size[0]
+                    wave.cost[s] = 0.0
+                    _push(wave, s)
+    return wave.size[0]
 
 
 @njit(cache=True)
-def _grow_until(
-    target: int, packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, cost: np.ndarray, place: np.ndarray,
-    heap: np.ndarray, size: np.ndarray, origin: np.ndarray, cell: float, radius: float, centre: np.ndarray,
-    box: np.ndarray, step: float, turn_cost: float,
-) -> None:  # fmt: skip
+def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> None:
     """Dijkstra from the goal until the target cell is settled or the wave has nowhere left to go."""
-    nx, ny = ground.shape
-    while size[0] > 0 and place[target] != SETTLED:
-        s = _pop(heap, place, cost, size)
+    cost, place = wave.cost, wave.place
+    nx, ny = wave.ground.shape
+    while wave.size[0] > 0 and place[target] != SETTLED:
+        s = _pop(wave.heap, place, cost, wave.size)
         t, j, i = s % TURNS, (s // TURNS) % ny, s // (TURNS * ny)
-        z = _height_at(ground, height, i, j, cell, radius)
+        z = _height_at(wave, i, j)
         for m in range(10):
             u, v, w = i, j, t
             if m < 8:
                 m9 = m if m < 4 else m + 1
                 u, v = i + m9 // 3 - 1, j + m9 % 3 - 1
-                edge = cell * np.sqrt(float(abs(u - i) + abs(v - j)))
+                edge = wave.cell * np.sqrt(float(abs(u - i) + abs(v - j)))
             else:
                 w = (t + (1 if m == 8 else TURNS - 1)) % TURNS
-                edge = turn_cost * 2 * np.pi / TURNS
+                edge = wave.turn_cost * 2 * np.pi / TURNS
             if u < 0 or v < 0 or u >= nx or v >= ny:
                 continue
             q = (u * ny + v) * TURNS + w
             if place[q] <= SETTLED or cost[q] <= cost[s] + edge:
                 continue
-            if abs(_height_at(ground, height, u, v, cell, radius) - z) > step:
+            if abs(_height_at(wave, u, v) - z) > wave.step:
                 continue
             if place[q] == UNSEEN:
-                if not _free(
-                    packed,
-                    ground,
-                    height,
-                    clear,
-                    origin,
-                    cell,
-                    radius,
-                    centre,
-                    box,
-                    u,
-                    v,
-                    w,
-                ):
+                if not _free(packed, wave, u, v, w):
                     place[q] = BLOCKED
                     continue
-                heap[size[0]] = q
-                place[q] = size[0]
-                size[0] += 1
+                _push(wave, q)
             cost[q] = cost[s] + edge
-            _sift_up(heap, place, cost, place[q])
+            _sift_up(wave.heap, place, cost, place[q])
 
 
 @njit(cache=True)
-def _query(
-    packed: PackedTerrain, ground: np.ndarray, height: np.ndarray, clear: np.ndarray, cost: np.ndarray, place: np.ndarray,
-    heap: np.ndarray, size: np.ndarray, origin: np.ndarray, cell: float, radius: float, centre: np.ndarray,
-    box: np.ndarray, step: float, turn_cost: float, x: np.ndarray, y: np.ndarray, yaw: np.ndarray, out: np.ndarray,
-) -> None:  # fmt: skip
-    nx, ny = ground.shape
+def _query(packed: PackedTerrain, wave: _Wave, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """(n,) distances to the goal region from poses [m], the wave grown as far as they need."""
+    origin, cell, cost, place = wave.origin, wave.cell, wave.cost, wave.place
+    nx, ny = wave.ground.shape
+    out = np.empty(x.shape[0])
     for k in range(x.shape[0]):
         t = int(np.round(yaw[k] / (2 * np.pi / TURNS))) % TURNS
         u, v = (x[k] - origin[0]) / cell - 0.5, (y[k] - origin[1]) / cell - 0.5
@@ -345,15 +335,10 @@ def _query(
                 if i < 0 or j < 0 or i >= nx or j >= ny:
                     continue
                 s = (i * ny + j) * TURNS + t
-                if place[s] == UNSEEN and not _free(
-                    packed, ground, height, clear, origin, cell, radius, centre, box, i, j, t
-                ):  # never worth growing the wave for
+                if place[s] == UNSEEN and not _free(packed, wave, i, j, t):  # never worth growing the wave for
                     place[s] = BLOCKED
                 if place[s] != SETTLED and place[s] != BLOCKED:
-                    _grow_until(
-                        s, packed, ground, height, clear, cost, place, heap, size, origin, cell, radius, centre, box, step,
-                        turn_cost,
-                    )  # fmt: skip
+                    _grow_until(packed, wave, s)
                 w = (u - i0 if a else i0 + 1 - u) * (v - j0 if b else j0 + 1 - v)
                 if cost[s] < np.inf and place[s] == SETTLED:
                     total += w * cost[s]
@@ -361,3 +346,4 @@ def _query(
                     if w > nearest_weight:
                         nearest, nearest_weight = cost[s], w
         out[k] = total / weight if weight > 1e-9 else nearest
+    return out

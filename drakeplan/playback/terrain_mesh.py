@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import Surface
 
 PLATE = 0.02  # [m] thickness of a surface's plate, behind its face
@@ -85,7 +86,7 @@ def wall_mesh(surfaces: Sequence[Surface], indices: Sequence[int]) -> ColouredMe
 
 def rock_mesh(triangles: np.ndarray) -> ColouredMesh:
     """Obstacles: one colour, a little darker where a face looks down or aside."""
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals = area_vectors(triangles)
     upward = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
     return ColouredMesh(triangles, ROCK * (0.86 + 0.14 * np.clip(upward, -1.0, 1.0))[:, None])
 

@@ -17,10 +17,11 @@ import numpy as np
 
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS, is_foot
-from scenes.footholds.circle_cover import cover_free_space, free_radius
+from scenes.footholds.circle_cover import cover_free_space
 from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE, PATCH_MARGIN
 from scenes.robots.robot import EffectorSpec
 from scenes.terrain.packed_terrain import PackedTerrain, near
+from scenes.terrain.polygon import clip, convex_hull
 
 COARSEST = 0.08  # [m] first spacing of the samples
 FINEST = 0.01  # [m] d_cr,min, where refinement stops
@@ -171,41 +172,6 @@ def cover_terrain(
     return ContactRegions(np.concatenate(surface), np.concatenate(X_WR), np.concatenate(radius))
 
 
-def place_region(packed: PackedTerrain, xyz: np.ndarray, limit: float = np.inf) -> ContactRegions:
-    """The start or goal region: the circle about a point on the ground, up to the nearest obstacle or edge.
-
-    The ground is the foot surface straight above or below the point that is nearest to it.
-
-    Args:
-        packed: the terrain.
-        xyz: (3,) [m]; a height that is not finite stands for the highest surface.
-        limit: greatest radius [m].
-
-    Returns:
-        One circle, or none where no foot surface is over or under the point.
-    """
-    point = np.asarray(xyz, dtype=float)
-    best, best_off, best_z = -1, np.inf, 0.0
-    for k in range(packed.num_surfaces):
-        n = packed.normal[k]
-        if n[2] < 1e-3 or not packed.allowed[k, :2].any():
-            continue
-        z = (packed.offset[k] - n[:2] @ point[:2]) / n[2]
-        edges = packed.edge_normal[k, : packed.count[k]]
-        if (edges @ np.array([point[0], point[1], z]) > packed.edge_offset[k, : packed.count[k]]).any():
-            continue
-        off = abs(z - point[2]) if np.isfinite(point[2]) else -z
-        if off < best_off:
-            best, best_off, best_z = k, off, z
-    if best < 0:
-        return ContactRegions(np.zeros(0, np.int64), np.zeros((0, 4, 4)), np.zeros(0))
-    X_WS = _surface_frame(packed, best, EFFECTORS[0], 0.0)
-    X_WS[:3, 3] = point[0], point[1], best_z
-    sole = EffectorSpec(EFFECTORS[0], "", (0.0, 0.0))
-    radius = min(free_radius(np.zeros(2), *_room(packed, best, X_WS, sole, None)), limit)
-    return ContactRegions(np.array([best]), X_WS[None], np.array([max(radius, 0.0)]))
-
-
 Room = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]
 
 
@@ -282,34 +248,5 @@ def _slab(polygon: np.ndarray, X_WS: np.ndarray, height: float) -> np.ndarray:
     """(m, 2) the part of a polygon (K, 3) between `COVER_GAP` and `height` above the plane of X_WS, seen from above."""
     points = (polygon - X_WS[:3, 3]) @ X_WS[:3, :3]
     for sign, bound in ((1.0, height), (-1.0, -COVER_GAP)):
-        over = sign * points[:, 2] - bound
-        kept = []
-        for i in range(len(points)):
-            j = (i + 1) % len(points)
-            if over[i] <= 0.0:
-                kept.append(points[i])
-            if over[i] * over[j] < 0.0:
-                kept.append(points[i] + over[i] / (over[i] - over[j]) * (points[j] - points[i]))
-        if not kept:
-            return np.zeros((0, 2))
-        points = np.array(kept)
+        points = clip(points, sign * points[:, 2] - bound)
     return points[:, :2]
-
-
-def convex_hull(points: np.ndarray) -> np.ndarray:
-    """(m, 2) corners of the convex hull, counter-clockwise; two for a segment, one for a point (Andrew 1979)."""
-    order = np.unique(points, axis=0)
-    chains = []
-    for run in (order, order[::-1]):
-        chain: list[np.ndarray] = []
-        for p in run:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 1e-15:
-                chain.pop()
-            chain.append(p)
-        chains.append(chain[:-1])
-    return np.array([*chains[0], *chains[1]]) if len(order) > 1 else order
-
-
-def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-    """Twice the area of the triangle, positive where a, b, c turn to the left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

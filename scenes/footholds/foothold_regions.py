@@ -17,6 +17,7 @@ from scenes.contact import Contact, contact_pose, contact_rotation
 from scenes.effector import EFFECTORS
 from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE
 from scenes.robots.robot import EffectorSpec, Robot
+from scenes.terrain.polygon import area, clip, edge_normals
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Terrain
 
@@ -156,7 +157,7 @@ def _worth_keeping(pieces: list[np.ndarray]) -> list[np.ndarray]:
     """The largest piece and those that add enough to it; pieces may overlap."""
     kept: list[np.ndarray] = []
     covered = shapely.Polygon()
-    for piece in sorted(pieces, key=_area, reverse=True):
+    for piece in sorted(pieces, key=area, reverse=True):
         outline = shapely.Polygon(piece)
         if not kept or (len(kept) < MAX_PIECES and outline.difference(covered).area > WORTH * covered.area):
             kept.append(piece)
@@ -191,7 +192,7 @@ def _flat(points: np.ndarray, X: np.ndarray, origin: np.ndarray) -> np.ndarray:
     return (points - origin) @ X
 
 
-def _inset(polygon: np.ndarray, reach: object) -> np.ndarray:
+def _inset(polygon: np.ndarray, reach: Callable[[np.ndarray], float]) -> np.ndarray:
     """The polygon (K, 2) with every edge moved inwards by reach(outward normal) and the margin [m]."""
     result = polygon
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -199,44 +200,19 @@ def _inset(polygon: np.ndarray, reach: object) -> np.ndarray:
         if np.linalg.norm(along) < 1e-9:
             continue
         normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
-        result = _clip(result, normal, normal @ a - reach(normal) - MARGIN)  # type: ignore[operator]
+        result = clip(result, result @ normal - (normal @ a - reach(normal) - MARGIN))
     return result
-
-
-def _clip(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
-    """The part of a convex polygon (K, 2) where normal @ p <= offset."""
-    if not len(polygon):
-        return polygon
-    height = polygon @ normal - offset
-    kept = []
-    for k in range(len(polygon)):
-        j = (k + 1) % len(polygon)
-        if height[k] <= 0:
-            kept.append(polygon[k])
-        if (height[k] <= 0) != (height[j] <= 0):
-            kept.append(polygon[k] + height[k] / (height[k] - height[j]) * (polygon[j] - polygon[k]))
-    return np.array(kept).reshape(-1, 2)
 
 
 def _shadow(
     body: np.ndarray, normal: np.ndarray, X: np.ndarray, origin: np.ndarray, clearance: float
 ) -> np.ndarray | None:
     """(K, 2) outline of the part of a polygon (V, 3) within the clearance above a plane; None where there is none."""
-    height = (body - origin) @ normal
-    kept = []
-    for level, sign in ((COVER_GAP, 1.0), (clearance, -1.0)):
-        kept = []
-        for k in range(len(body)):
-            j = (k + 1) % len(body)
-            above, next_above = sign * (height[k] - level) > 0, sign * (height[j] - level) > 0
-            if above:
-                kept.append(body[k])
-            if above != next_above:
-                kept.append(body[k] + (level - height[k]) / (height[j] - height[k]) * (body[j] - body[k]))
-        if not kept:
+    for level, sign in ((COVER_GAP, -1.0), (clearance, 1.0)):
+        height = sign * ((body - origin) @ normal)
+        if height.min() >= sign * level:  # what only touches the level is no part of it
             return None
-        body = np.array(kept)
-        height = (body - origin) @ normal
+        body = clip(body, height, sign * level)
     return (body - origin) @ X
 
 
@@ -247,29 +223,22 @@ def _cut(piece: np.ndarray, shadow: np.ndarray, half: tuple[float, float], low: 
     for normal in directions:
         reach = support(half, low, high, np.arctan2(normal[1], normal[0]))
         # On the far side of this edge: normal @ p >= greatest of the shadow + reach
-        part = _clip(piece, -normal, -(np.max(shadow @ normal) + reach + MARGIN))
+        part = clip(piece, piece @ -normal + (np.max(shadow @ normal) + reach + MARGIN))
         if len(part) == len(piece) and np.allclose(part, piece):
             return [piece]  # separated as a whole
-        if len(part) >= 3 and _area(part) > LEAST_AREA:
+        if len(part) >= 3 and area(part) > LEAST_AREA:
             parts.append(part)
-    return sorted(parts, key=_area, reverse=True)[:MAX_PIECES]
+    return sorted(parts, key=area, reverse=True)[:MAX_PIECES]
 
 
 def _normals(shadow: np.ndarray) -> np.ndarray:
     """(K, 2) outward unit normals of the outline's edges; both sides and both ends of one that is a line."""
-    edges = np.roll(shadow, -1, axis=0) - shadow
-    edges = edges[np.linalg.norm(edges, axis=1) > 1e-9]
-    if not len(edges):
+    normals, _ = edge_normals(shadow)
+    if not len(normals):
         return np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
-    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
-    x = edges[:1] / np.linalg.norm(edges[0])
-    # The axes of the longest edge too: a thin shadow has no edge normals along itself.
+    x = np.array([[-normals[0, 1], normals[0, 0]]])
+    # The direction of the first edge too: a thin shadow has no edge normals along itself.
     return np.concatenate([normals, -normals, x, -x])
-
-
-def _area(polygon: np.ndarray) -> float:
-    x, y = polygon.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
 def _region(
@@ -277,12 +246,9 @@ def _region(
 ) -> FootholdRegion:
     X, origin = _axes(surface)
     vertices = origin + polygon @ X.T
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    keep = np.linalg.norm(edges, axis=1) > 1e-9
-    outward = np.stack([edges[keep, 1], -edges[keep, 0]], axis=1)
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    outward, start = edge_normals(polygon)
     A = outward @ X.T
-    b = (A * vertices[keep]).sum(axis=1)
+    b = (A * vertices[start]).sum(axis=1)
     R_WC = contact_rotation(name, surface.normal, float(np.mean(heading)))
     return FootholdRegion(
         effector,

@@ -8,17 +8,65 @@ Feet are looked for straight below a point of the plan view, palms along rays (L
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from scenes.contact import NEAR_LEVEL, Contact
-from scenes.effector import EFFECTORS
-from scenes.terrain.packed_terrain import PackedTerrain, near, polygon_meets_box
+from scenes.effector import EFFECTORS, is_foot
+from scenes.robots.robot import EffectorSpec
+from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells, near, polygon_meets_box
 
 COVER_GAP = 0.003  # [m] what rises less than this above a patch does not cover it
 FOOT_CLEARANCE = 0.09  # [m] height over the sole that the foot itself fills
 PALM_CLEARANCE = 0.05  # [m] the same for a hand
 PATCH_MARGIN = 1e-4  # [m] patches stay this far inside, so that rounding in files never puts them outside
+
+
+class PatchShape(NamedTuple):
+    """The room that an end effector takes over a surface, in its contact frame.
+
+    Attributes:
+        half_length: of the patch along x [m]; all of the patch lies on the surface.
+        half_width: of the patch along y [m].
+        front: how far the foot reaches beyond its patch along x [m]; nothing may stand there above the surface.
+        back: the same to the back [m].
+        side: the same to each side [m].
+        clearance: height over the surface that has to be free [m].
+    """
+
+    half_length: float
+    half_width: float
+    front: float
+    back: float
+    side: float
+    clearance: float
+
+
+class Placements(NamedTuple):
+    """Contacts that a kernel has set down, n of them.
+
+    Attributes:
+        p: (n, 3) contact points in W [m].
+        R: (n, 3, 3) contact frames in W.
+        surface: (n,) number of the surface of each, -1 where none was found.
+    """
+
+    p: np.ndarray
+    R: np.ndarray
+    surface: np.ndarray
+
+
+def patch_shape(spec: EffectorSpec) -> PatchShape:
+    """The room that an end effector of a robot takes; palms take none beyond their patch."""
+    overhang = spec.overhang if is_foot(spec.name) else (0.0, 0.0, 0.0)
+    return PatchShape(*spec.half_extent, *overhang, FOOT_CLEARANCE if is_foot(spec.name) else PALM_CLEARANCE)
+
+
+def no_placements(n: int) -> Placements:
+    """Room for n contacts, for a kernel to fill."""
+    return Placements(np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64))
 
 
 @njit(cache=True)
@@ -40,13 +88,27 @@ def contact_axes(normal: np.ndarray, heading: float, palm: bool, R_WC: np.ndarra
 
 @njit(cache=True)
 def patch_fits(
-    packed: PackedTerrain, surface: int, p: np.ndarray, R: np.ndarray, hx: float, hy: float,
-    front: float, back: float, side: float, clearance: float, around: np.ndarray, work: np.ndarray,
-) -> bool:  # fmt: skip
-    """Whether a patch of half extent (hx, hy) at pose (p, R) lies inside the surface with nothing above it.
+    packed: PackedTerrain,
+    surface: int,
+    p: np.ndarray,
+    R: np.ndarray,
+    patch: PatchShape,
+    around: np.ndarray,
+    work: np.ndarray,
+) -> bool:
+    """Whether a patch at pose (p, R) lies inside the surface with nothing above it, nor above what reaches beyond it.
 
-    Nor may anything stand above the surface where the foot reaches beyond its patch: by front, back and side [m].
+    Args:
+        packed: the terrain.
+        surface: number of the surface.
+        p: (3,) contact point in W [m].
+        R: (3, 3) contact frame in W.
+        patch: the room that it takes.
+        around: (m,) polygons that may be in the way.
+        work: (2, K + 8, 3) scratch for polygons of K vertices.
     """
+    hx, hy = patch.half_length, patch.half_width
+    front, back, side, clearance = patch.front, patch.back, patch.side, patch.clearance
     for a in range(4):
         sx = hx if (a == 0 or a == 3) else -hx
         sy = hy if a < 2 else -hy
@@ -75,14 +137,31 @@ def patch_fits(
 
 @njit(cache=True)
 def project_foot(
-    packed: PackedTerrain, effector: int, x: float, y: float, yaw: float, z_low: float, z_high: float,
-    hx: float, hy: float, front: float, back: float, side: float, around: np.ndarray, p: np.ndarray, R: np.ndarray,
+    packed: PackedTerrain,
+    effector: int,
+    xy_yaw: np.ndarray,
+    z_range: tuple[float, float],
+    patch: PatchShape,
+    around: np.ndarray,
+    p: np.ndarray,
+    R: np.ndarray,
     work: np.ndarray,
-) -> int:  # fmt: skip
-    """The highest surface between z_low and z_high that takes a whole sole at (x, y, yaw); -1 if none does.
+) -> int:
+    """The highest surface in a range of heights that takes a whole sole, -1 if none does.
 
-    Writes the contact point into p (3,) and the contact frame's axes into R (3, 3).
+    Args:
+        packed: the terrain.
+        effector: index into `EFFECTORS`.
+        xy_yaw: (3,) place [m] and heading [rad] in W.
+        z_range: least and greatest height of the contact point in W [m].
+        patch: the room that the foot takes.
+        around: (m,) polygons near there, ascending.
+        p: (3,) the contact point in W [m] is written here.
+        R: (3, 3) the contact frame in W is written here.
+        work: (2, K + 8, 3) scratch for polygons of K vertices.
     """
+    x, y, yaw = xy_yaw[0], xy_yaw[1], xy_yaw[2]
+    z_low, z_high = z_range
     best = -1
     best_z = -np.inf
     for q in range(around.shape[0]):
@@ -105,7 +184,7 @@ def project_foot(
         if inside:
             contact_axes(packed.normal[k], yaw, False, R)
             p[0], p[1], p[2] = x, y, z
-            if patch_fits(packed, k, p, R, hx, hy, front, back, side, FOOT_CLEARANCE, around, work):
+            if patch_fits(packed, k, p, R, patch, around, work):
                 best, best_z = k, z
     if best < 0:
         return -1
@@ -116,12 +195,26 @@ def project_foot(
 
 @njit(cache=True)
 def project_feet(
-    packed: PackedTerrain, effector: int, xy_yaw: np.ndarray, z_low: float, z_high: float, hx: float, hy: float,
-    front: float, back: float, side: float, p: np.ndarray, R: np.ndarray, surface: np.ndarray,
-) -> None:  # fmt: skip
-    """Sets candidates (n, 3) of x, y, yaw down: fills p (n, 3), R (n, 3, 3), surface (n,), -1 where none fits."""
+    packed: PackedTerrain,
+    effector: int,
+    xy_yaw: np.ndarray,
+    z_range: tuple[float, float],
+    patch: PatchShape,
+    placed: Placements,
+) -> None:
+    """Sets feet down straight below n candidates, each on the highest surface that takes it.
+
+    Args:
+        packed: the terrain.
+        effector: index into `EFFECTORS`.
+        xy_yaw: (n, 3) place [m] and heading [rad] in W.
+        z_range: least and greatest height of the contact points in W [m].
+        patch: the room that the foot takes.
+        placed: n contacts, filled here.
+    """
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    margin = np.sqrt((hx + max(front, back)) ** 2 + (hy + side) ** 2) + FOOT_CLEARANCE
+    longer = patch.half_length + max(patch.front, patch.back)
+    margin = np.sqrt(longer**2 + (patch.half_width + patch.side) ** 2) + FOOT_CLEARANCE
     around = near(
         packed,
         xy_yaw[:, 0].min() - margin,
@@ -130,21 +223,38 @@ def project_feet(
         xy_yaw[:, 1].max() + margin,
     )
     for m in range(xy_yaw.shape[0]):
-        surface[m] = project_foot(
-            packed, effector, xy_yaw[m, 0], xy_yaw[m, 1], xy_yaw[m, 2], z_low, z_high, hx, hy, front, back, side,
-            around, p[m], R[m], work,
-        )  # fmt: skip
+        placed.surface[m] = project_foot(
+            packed, effector, xy_yaw[m], z_range, patch, around, placed.p[m], placed.R[m], work
+        )
 
 
 @njit(cache=True)
 def project_palms(
-    packed: PackedTerrain, effector: int, origin: np.ndarray, rays: np.ndarray, heading: float, reach_low: float,
-    reach_high: float, hx: float, hy: float, p: np.ndarray, R: np.ndarray, surface: np.ndarray,
-) -> None:  # fmt: skip
-    """Casts rays (n, 3) from a shoulder point: fills p, R, surface with the palm contacts they find, -1 where none.
+    packed: PackedTerrain,
+    effector: int,
+    origin: np.ndarray,
+    rays: np.ndarray,
+    heading: float,
+    reach: tuple[float, float],
+    patch: PatchShape,
+    placed: Placements,
+) -> None:
+    """Casts n rays from a shoulder point and sets a palm down where each meets a surface.
 
     The nearest polygon along a ray decides; if a palm may not use it, it blocks the ray.
+
+    Args:
+        packed: the terrain.
+        effector: index into `EFFECTORS`.
+        origin: (3,) shoulder point in W [m].
+        rays: (n, 3) unit vectors in W.
+        heading: of the body [rad].
+        reach: least and greatest distance of a contact point from the shoulder [m].
+        patch: the room that the palm takes.
+        placed: n contacts, filled here.
     """
+    p, R, surface = placed
+    reach_low, reach_high = reach
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
     around = near(
         packed, origin[0] - reach_high, origin[1] - reach_high, origin[0] + reach_high, origin[1] + reach_high
@@ -180,7 +290,7 @@ def project_palms(
         for a in range(3):
             p[m, a] = origin[a] + nearest * rays[m, a]
         contact_axes(packed.normal[k], heading, True, R[m])
-        if not patch_fits(packed, k, p[m], R[m], hx, hy, 0.0, 0.0, 0.0, PALM_CLEARANCE, around, work):
+        if not patch_fits(packed, k, p[m], R[m], patch, around, work):
             surface[m] = -1
 
 
@@ -190,26 +300,19 @@ def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.nda
     c, s = np.cos(yaw), np.sin(yaw)
     low, high = centre - 0.5 * size, centre + 0.5 * size
     reach = np.sqrt(max(low[0] ** 2, high[0] ** 2) + max(low[1] ** 2, high[1] ** 2))
-    cell = packed.cell[0]
-    i0 = max(int(np.floor((p[0] - reach - packed.origin[0]) / cell)), 0)
-    j0 = max(int(np.floor((p[1] - reach - packed.origin[1]) / cell)), 0)
-    i1 = min(int(np.floor((p[0] + reach - packed.origin[0]) / cell)), packed.shape[0] - 1)
-    j1 = min(int(np.floor((p[1] + reach - packed.origin[1]) / cell)), packed.shape[1] - 1)
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            first = packed.cell_start[i * packed.shape[1] + j]
-            for q in range(first, packed.cell_start[i * packed.shape[1] + j + 1]):
-                k = packed.cell_items[q]
-                if packed.low[k, 2] > p[2] + high[2] or packed.high[k, 2] < p[2] + low[2]:
-                    continue
-                if packed.low[k, 0] > p[0] + reach or packed.high[k, 0] < p[0] - reach:
-                    continue
-                if packed.low[k, 1] > p[1] + reach or packed.high[k, 1] < p[1] - reach:
-                    continue
-                work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-                R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-                if polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
-                    return False
+    rows, j0, j1 = cells_under(packed, p[0] - reach, p[1] - reach, p[0] + reach, p[1] + reach)
+    for i in rows:
+        for k in in_cells(packed, i, j0, j1):
+            if packed.low[k, 2] > p[2] + high[2] or packed.high[k, 2] < p[2] + low[2]:
+                continue
+            if packed.low[k, 0] > p[0] + reach or packed.high[k, 0] < p[0] - reach:
+                continue
+            if packed.low[k, 1] > p[1] + reach or packed.high[k, 1] < p[1] - reach:
+                continue
+            work = np.empty((2, packed.vertices.shape[1] + 8, 3))
+            R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            if polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
+                return False
     return True
 
 
@@ -228,39 +331,49 @@ def boxes_are_free(
 @njit(cache=True)
 def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low: float, z_high: float) -> bool:
     """Whether no polygon's bounds meet the square of half width `reach` about (x, y) between z_low and z_high."""
-    cell = packed.cell[0]
-    i0 = max(int(np.floor((x - reach - packed.origin[0]) / cell)), 0)
-    j0 = max(int(np.floor((y - reach - packed.origin[1]) / cell)), 0)
-    i1 = min(int(np.floor((x + reach - packed.origin[0]) / cell)), packed.shape[0] - 1)
-    j1 = min(int(np.floor((y + reach - packed.origin[1]) / cell)), packed.shape[1] - 1)
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            first = packed.cell_start[i * packed.shape[1] + j]
-            for q in range(first, packed.cell_start[i * packed.shape[1] + j + 1]):
-                k = packed.cell_items[q]
-                if (
-                    packed.low[k, 2] <= z_high
-                    and packed.high[k, 2] >= z_low
-                    and packed.low[k, 0] <= x + reach
-                    and packed.high[k, 0] >= x - reach
-                    and packed.low[k, 1] <= y + reach
-                    and packed.high[k, 1] >= y - reach
-                ):
-                    return False
+    rows, j0, j1 = cells_under(packed, x - reach, y - reach, x + reach, y + reach)
+    for i in rows:
+        for k in in_cells(packed, i, j0, j1):
+            if (
+                packed.low[k, 2] <= z_high
+                and packed.high[k, 2] >= z_low
+                and packed.low[k, 0] <= x + reach
+                and packed.high[k, 0] >= x - reach
+                and packed.low[k, 1] <= y + reach
+                and packed.high[k, 1] >= y - reach
+            ):
+                return False
     return True
 
 
 def set_down(
-    packed: PackedTerrain, effector: str, x: float, y: float, yaw: float, half_extent: tuple[float, float],
-    z_range: tuple[float, float] = (-np.inf, np.inf), overhang: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Contact | None:  # fmt: skip
-    """The foot contact straight below (x, y) on the highest surface in `z_range` that takes it, or None."""
-    p, R, surface = np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros(1, np.int64)
-    project_feet(
-        packed, EFFECTORS.index(effector), np.array([[x, y, yaw]]), *z_range, *half_extent, *overhang, p, R, surface
-    )
-    if surface[0] < 0:
+    packed: PackedTerrain,
+    effector: str,
+    x: float,
+    y: float,
+    yaw: float,
+    half_extent: tuple[float, float],
+    z_range: tuple[float, float] = (-np.inf, np.inf),
+    overhang: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Contact | None:
+    """The foot contact straight below a point on the highest surface that takes it, or None.
+
+    Args:
+        packed: the terrain.
+        effector: name of the foot.
+        x: of the contact point in W [m].
+        y: of the contact point in W [m].
+        yaw: heading of the foot in W [rad].
+        half_extent: half length and half width of the patch [m].
+        z_range: least and greatest height of the contact point in W [m].
+        overhang: how far the foot reaches beyond its patch to the front, to the back and to each side [m].
+    """
+    placed, window = no_placements(1), (float(z_range[0]), float(z_range[1]))
+    patch = PatchShape(*half_extent, *overhang, FOOT_CLEARANCE)
+    project_feet(packed, EFFECTORS.index(effector), np.array([[x, y, yaw]], float), window, patch, placed)
+    surface = int(placed.surface[0])
+    if surface < 0:
         return None
     X_WC = np.eye(4)
-    X_WC[:3, :3], X_WC[:3, 3] = R[0], p[0]
-    return Contact(effector, int(surface[0]), X_WC, float(packed.friction[surface[0]]), yaw)
+    X_WC[:3, :3], X_WC[:3, 3] = placed.R[0], placed.p[0]
+    return Contact(effector, surface, X_WC, float(packed.friction[surface]), yaw)

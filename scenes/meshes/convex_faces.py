@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenes.terrain.polygon import area_vectors
+
 SAME_CORNER = 1e-6  # [m] corners nearer than this are one
 SAME_PLANE = 1e-4  # [m] how far a corner may lie off the plane of what it is joined to
 STRAIGHT = 1e-9  # [m^2] a corner that turns right by less is straight
@@ -25,7 +27,7 @@ def join_coplanar(triangles: np.ndarray) -> list[np.ndarray]:
     points = triangles.reshape(-1, 3)[first]
     polygons: dict[int, list[int]] = dict(enumerate(corner.reshape(-1, 3).tolist()))
     owner = list(range(len(triangles)))  # polygon that each triangle has gone into, followed to its end
-    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = area_vectors(triangles)
     normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
     for a, b, left, right in _shared_edges(polygons, points):
         one, two = _follow(owner, left), _follow(owner, right)

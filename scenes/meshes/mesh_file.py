@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenes.input_error import InputError
+from scenes.terrain.polygon import area_vectors
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae")
 MAX_BYTES = 256 * 2**20
@@ -46,7 +47,7 @@ def read_mesh(path: Path) -> np.ndarray:
 
 def drop_degenerate(triangles: np.ndarray) -> np.ndarray:
     """(K, 3, 3) the triangles that have an area, each once: equal ones with equal winding are one [m]."""
-    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = area_vectors(triangles)
     triangles = triangles[np.linalg.norm(doubled, axis=1) > 2 * MIN_TRIANGLE]
     corners = np.round(triangles, 6) + 0.0
     # Each triangle starts at its lowest corner: equal ones compare equal whichever corner the file began with.

@@ -13,6 +13,7 @@ from scenes.input_error import InputError
 from scenes.meshes.mesh_file import drop_degenerate, read_mesh
 from scenes.meshes.mesh_orientation import turn_outward
 from scenes.meshes.planar_regions import planar_regions
+from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import PALM_TILT, Surface
 from scenes.terrain.terrain import TriangleMesh
 
@@ -113,7 +114,7 @@ def check_up_axis(meshes: tuple[ImportedMesh, ...]) -> None:
     Raises:
         InputError: much more area faces +y than +z, as in files of programs whose up is y.
     """
-    normals = [np.cross(m.faces[:, 1] - m.faces[:, 0], m.faces[:, 2] - m.faces[:, 0]) / 2 for m in meshes]
+    normals = [area_vectors(m.faces) / 2 for m in meshes]
     for mesh, doubled in zip(meshes, normals, strict=True):
         area = np.linalg.norm(doubled, axis=1)
         facing = {axis: float(area[doubled[:, axis] > np.sqrt(0.5) * area].sum()) for axis in (1, 2)}

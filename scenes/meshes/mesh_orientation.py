@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from scenes.terrain.polygon import area_vectors
+
 WELD = 5  # decimals of a metre to which corners are the same corner
 
 
@@ -80,7 +82,7 @@ def turn_outward(triangles: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     if inside_out.any():
         triangles = np.where(inside_out[bodies.body][:, None, None], triangles[:, ::-1], triangles)
         notes.append(f"{int(inside_out.sum())} closed bodies were inside out and were turned")
-    up = _doubled(triangles)[:, 2]
+    up = area_vectors(triangles)[:, 2]
     down = (np.bincount(bodies.body, weights=up > 1e-12) == 0) & (np.bincount(bodies.body, weights=up < -1e-12) > 0)
     if down.any() and not (up > 1e-12).any():
         triangles = np.where(down[bodies.body][:, None, None], triangles[:, ::-1], triangles)
@@ -111,15 +113,10 @@ def _agree(triangles: np.ndarray) -> np.ndarray:
     mesh = trimesh.Trimesh(corners, bodies.corner, process=False)
     trimesh.repair.fix_winding(mesh)
     agreed = np.asarray(mesh.triangles)
-    turned = (_doubled(agreed) * _doubled(triangles)).sum(axis=1) < 0
-    area = np.linalg.norm(_doubled(triangles), axis=1)
+    turned = (area_vectors(agreed) * area_vectors(triangles)).sum(axis=1) < 0
+    area = np.linalg.norm(area_vectors(triangles), axis=1)
     mostly = np.bincount(bodies.body, weights=area * turned) > 0.5 * np.bincount(bodies.body, weights=area)
     turned ^= mostly[bodies.body]
     agreed = np.where(turned[:, None, None], triangles[:, ::-1], triangles)
     trusted = Bodies(agreed).closed() | bodies.without(edge, faces > 2)
     return np.where(trusted[bodies.body][:, None, None], agreed, triangles)
-
-
-def _doubled(triangles: np.ndarray) -> np.ndarray:
-    """(K, 3) normals of twice the triangles' areas [m^2]."""
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

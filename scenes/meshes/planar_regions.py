@@ -12,6 +12,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from scenes.meshes.mesh_orientation import Bodies
+from scenes.terrain.polygon import area_vectors
 
 OFF_PLANE = 1e-3  # [m] corners of one region lie about this near its plane
 NORMAL_CELL = 0.04  # grid of unit normals, coarser than twice the degree below
@@ -52,7 +53,7 @@ def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) 
         min_width: regions in which no disc of this diameter fits are left out [m].
         max_tilt: regions whose normal is farther from the vertical are left out [rad].
     """
-    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = area_vectors(triangles)
     area = np.linalg.norm(doubled, axis=1) / 2
     normals = doubled / (2 * area[:, None])
     wanted = normals[:, 2] >= np.cos(max_tilt) - 1e-9

@@ -36,7 +36,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from scenes.effector import EFFECTORS, is_foot
 from scenes.meshes.convex_faces import join_coplanar
 from scenes.robots.robot import Robot
-from scenes.terrain.surface import Surface, polygon_normal
+from scenes.terrain.polygon import polygon_normal
+from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain, TriangleMesh
 
 NEAR = 2.0  # [m] further away no part of a robot gets while its contacts stay

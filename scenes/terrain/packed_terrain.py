@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from scenes.effector import EFFECTORS
+from scenes.terrain.polygon import area_vectors
 from scenes.terrain.terrain import Terrain
 
 CELL = 0.5  # [m] edge of a grid cell; a query box of a step's size touches a handful
@@ -59,7 +60,7 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
     """The arrays of a terrain; work once per scene, proportional to its size."""
     polygons = [s.vertices for s in terrain.surfaces]
     triangles = terrain.triangles
-    doubled = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = area_vectors(triangles)
     triangles = triangles[np.linalg.norm(doubled, axis=1) > 2 * PLATE_SPLIT]
     num_surfaces, total = len(polygons), len(polygons) + len(triangles)
     width = max([len(p) for p in polygons] + [3])
@@ -135,33 +136,67 @@ def _fill_cells(first: np.ndarray, last: np.ndarray, shape: np.ndarray) -> tuple
 
 
 @njit(cache=True)
-def near(packed: PackedTerrain, x_low: float, y_low: float, x_high: float, y_high: float) -> np.ndarray:
-    """(n,) polygons whose xy box touches this one, ascending, each once."""
+def cells_under(
+    packed: PackedTerrain, x_low: float, y_low: float, x_high: float, y_high: float
+) -> tuple[range, int, int]:
+    """The grid's cells that a box in the plan view touches: rows i, first and last column j of each, see `in_cells`.
+
+    Args:
+        packed: the terrain.
+        x_low: of the box in W [m], and so on.
+        y_low: [m].
+        x_high: [m].
+        y_high: [m].
+    """
     cell = packed.cell[0]
     i0 = max(int(np.floor((x_low - packed.origin[0]) / cell)), 0)
     j0 = max(int(np.floor((y_low - packed.origin[1]) / cell)), 0)
     i1 = min(int(np.floor((x_high - packed.origin[0]) / cell)), packed.shape[0] - 1)
     j1 = min(int(np.floor((y_high - packed.origin[1]) / cell)), packed.shape[1] - 1)
+    return range(i0, i1 + 1 if j0 <= j1 else i0), j0, j1
+
+
+@njit(cache=True)
+def in_cells(packed: PackedTerrain, i: int, j0: int, j1: int) -> np.ndarray:
+    """(n,) polygons of the cells (i, j0) to (i, j1); one that lies in several cells comes several times.
+
+    Args:
+        packed: the terrain; it holds the polygons of cells of one row side by side.
+        i: row, along x.
+        j0: first column, along y.
+        j1: last column.
+    """
+    row = i * packed.shape[1]
+    return packed.cell_items[packed.cell_start[row + j0] : packed.cell_start[row + j1 + 1]]
+
+
+@njit(cache=True)
+def near(packed: PackedTerrain, x_low: float, y_low: float, x_high: float, y_high: float) -> np.ndarray:
+    """(n,) polygons whose xy box touches this one, ascending, each once.
+
+    Args:
+        packed: the terrain.
+        x_low: of the box in W [m], and so on.
+        y_low: [m].
+        x_high: [m].
+        y_high: [m].
+    """
+    rows, j0, j1 = cells_under(packed, x_low, y_low, x_high, y_high)
     total = 0
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            c = i * packed.shape[1] + j
-            total += packed.cell_start[c + 1] - packed.cell_start[c]
+    for i in rows:
+        total += len(in_cells(packed, i, j0, j1))
     found = np.empty(total, np.int64)
     n = 0
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            c = i * packed.shape[1] + j
-            for q in range(packed.cell_start[c], packed.cell_start[c + 1]):
-                k = packed.cell_items[q]
-                if (
-                    packed.low[k, 0] <= x_high
-                    and packed.high[k, 0] >= x_low
-                    and packed.low[k, 1] <= y_high
-                    and packed.high[k, 1] >= y_low
-                ):
-                    found[n] = k
-                    n += 1
+    for i in rows:
+        for k in in_cells(packed, i, j0, j1):
+            if (
+                packed.low[k, 0] <= x_high
+                and packed.high[k, 0] >= x_low
+                and packed.low[k, 1] <= y_high
+                and packed.high[k, 1] >= y_low
+            ):
+                found[n] = k
+                n += 1
     found = np.sort(found[:n])
     unique = 0
     for q in range(n):

@@ -10,6 +10,7 @@ import shapely
 
 from scenes.effector import EFFECTORS, is_foot
 from scenes.input_error import InputError
+from scenes.terrain.polygon import polygon_normal
 
 PLANARITY = 1e-3  # [m] how far a vertex may lie off the polygon's plane
 MIN_AREA = 1e-6  # [m^2] below this a polygon is a line or a point
@@ -91,13 +92,6 @@ class Surface:
     def flipped(self) -> Surface:
         """The same polygon with the opposite outward normal."""
         return Surface(self.name, self.vertices[::-1], self.friction, self.effectors)
-
-
-def polygon_normal(vertices: np.ndarray) -> np.ndarray:
-    """(3,) unit normal of a (K, 3) polygon by Newell's method; its length is meaningless if it has no area."""
-    rolled = np.roll(vertices, -1, axis=0)
-    doubled = np.cross(vertices - vertices[0], rolled - vertices[0]).sum(axis=0)
-    return doubled / max(np.linalg.norm(doubled), 1e-300)
 
 
 def _check_polygon(name: str, vertices: np.ndarray) -> None:

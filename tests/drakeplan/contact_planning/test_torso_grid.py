@@ -84,7 +84,7 @@ def test_every_settled_cell_agrees_with_a_plain_dijkstra() -> None:
     grid = grid_on(Terrain((floor("f", -1.5, 2.5, -1.5, 1.5),), tuple(boxes)))
     ask(grid, -1.2, 0.0)
     nx, ny, _ = grid.shape
-    cost, place = grid._cost.reshape(grid.shape), grid._place.reshape(grid.shape)
+    cost, place = grid._wave.cost.reshape(grid.shape), grid._wave.place.reshape(grid.shape)
     settled = place == SETTLED
     plain = np.full(grid.shape, np.inf)
     heap = []

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from scenes.contact import contact_rotation
 from scenes.footholds.circle_cover import cover_free_space, free_radius, polygon_distance
-from scenes.footholds.contact_regions import ContactRegions, convex_hull, cover_terrain, place_region
+from scenes.footholds.contact_regions import ContactRegions, cover_terrain
 from scenes.library.plates import level_plate, rectangle, tilted_plate
 from scenes.pose import rpy_rotation
 from scenes.robots.robot import EffectorSpec
 from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.polygon import convex_hull
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain, terrain_from
 
@@ -224,34 +225,6 @@ def test_the_nearest_of_several_that_hold_a_contact_is_the_one_with_most_room() 
     room = regions.radius - np.linalg.norm(regions.X_WR[:, :2, 3] - X_WC[:2, 3], axis=1)
     assert distance == 0.0
     assert room[index] == room.max()
-
-
-# ---- start and goal
-
-
-def test_the_start_region_ends_at_the_nearest_edge_or_obstacle() -> None:
-    ground = level_plate("ground", (-0.4, 2.0), (-1.0, 1.0))
-    packed = pack_terrain(terrain_from([ground]))
-    assert place_region(packed, np.array([0.0, 0.0, 0.1])).radius[0] == pytest.approx(0.4, abs=2e-4)
-    X_WO = np.eye(4)
-    X_WO[0, 3] = 0.35
-    walled = pack_terrain(Terrain((ground,), (Box("box", np.array([0.1, 4.0, 1.0]), X_WO),)))
-    region = place_region(walled, np.zeros(3))
-    assert region.radius[0] == pytest.approx(0.3, abs=1e-6)
-    np.testing.assert_allclose(region.X_WR[0, :3, 3], 0.0, atol=ATOL)
-    assert place_region(walled, np.zeros(3), limit=0.2).radius[0] == 0.2
-
-
-def test_a_start_that_is_not_over_the_ground_has_no_region() -> None:
-    packed = pack_terrain(terrain_from([level_plate("ground", (0.0, 1.0), (0.0, 1.0))]))
-    assert len(place_region(packed, np.array([-0.1, 0.5, 0.0]))) == 0
-
-
-def test_the_start_region_is_on_the_surface_nearest_in_height_or_the_highest() -> None:
-    low, high = level_plate("low", (0.0, 1.0), (0.0, 1.0)), level_plate("high", (0.0, 1.0), (0.0, 1.0), z=1.0)
-    packed = pack_terrain(terrain_from([low, high]))
-    assert place_region(packed, np.array([0.5, 0.5, 0.2])).surface[0] == 0
-    assert place_region(packed, np.array([0.5, 0.5, np.nan])).surface[0] == 1
 
 
 # ---- the cover itself

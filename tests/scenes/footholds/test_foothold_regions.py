@@ -10,7 +10,7 @@ import pytest
 from optimization.balance.friction import stands_alone
 from scenes.files.scene_source import load_scene
 from scenes.footholds.foothold_regions import MARGIN, FootholdRegion, disc_region, foothold_regions, support
-from scenes.footholds.projection import FOOT_CLEARANCE, patch_fits
+from scenes.footholds.projection import patch_fits, patch_shape
 from scenes.robots.robot import load_robot
 from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.surface import Surface
@@ -40,12 +40,11 @@ def test_a_sole_fits_at_every_point_and_heading_of_a_region(name: str, heading: 
     assert regions
     around = np.arange(len(packed.count))
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    spec = ESCHER.effectors[0]
+    sole = patch_shape(ESCHER.effectors[0])
     for region in regions:
         for p in points_of(region, rng, 4):
             contact = region.contact(p, rng.uniform(*heading))
-            assert patch_fits(packed, region.surface, contact.p_WC.copy(), contact.R_WC.copy(), *spec.half_extent,
-                              *spec.overhang, FOOT_CLEARANCE, around, work)  # fmt: skip
+            assert patch_fits(packed, region.surface, contact.p_WC.copy(), contact.R_WC.copy(), sole, around, work)
 
 
 def test_the_region_of_a_level_square_is_the_square_less_the_sole() -> None:

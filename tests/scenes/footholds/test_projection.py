@@ -9,7 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenes.contact import contact_rotation
-from scenes.footholds.projection import box_is_free, contact_axes, nothing_near, project_palms, set_down
+from scenes.footholds.projection import (
+    PALM_CLEARANCE,
+    PatchShape,
+    box_is_free,
+    contact_axes,
+    no_placements,
+    nothing_near,
+    project_palms,
+    set_down,
+)
 from scenes.terrain.packed_terrain import near, pack_terrain, polygon_meets_box
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain
@@ -103,10 +112,9 @@ def test_of_two_levels_the_window_picks() -> None:
 
 
 def cast(packed, rays, origin=(0.5, 0.2, 1.4)):
-    n = len(rays)
-    p, R, surface = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.int64)
-    project_palms(packed, 2, np.array(origin), np.array(rays, float), 0.0, 0.2, 0.8, 0.045, 0.045, p, R, surface)
-    return p, R, surface
+    placed, palm = no_placements(len(rays)), PatchShape(0.045, 0.045, 0.0, 0.0, 0.0, PALM_CLEARANCE)
+    project_palms(packed, 2, np.array(origin), np.array(rays, float), 0.0, (0.2, 0.8), palm, placed)
+    return placed
 
 
 def test_a_palm_ray_meets_the_wall_and_the_fingers_point_up() -> None:
