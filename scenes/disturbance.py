@@ -1,8 +1,8 @@
 """Pushes that may hit the robot: sets of impulses, where they act, and how likely they are.
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 7.4 and 7.8.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 7.4 and 7.8.
 A push is an instant change of linear momentum. In any short time at most one happens, so that with "none" the
-probabilities of a place's set add up to one (eq. 7.2).
+probabilities of a place's set add up to one (Lin 2020 eq. 7.2).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class PushDistribution:
     Periods are independent, so that within a time T the place stays calm with (1 - p)^(T / PERIOD), p the sum of the
     probabilities, and otherwise one push happens, impulse i with the share p_i / p:
 
-        sum_i P(delta_i, T) + P(none, T) = 1                                            (eq. 7.2)
+        sum_i P(delta_i, T) + P(none, T) = 1                                            (Lin 2020 eq. 7.2)
 
     Attributes:
         impulses: (K, 3) [kg m/s].
@@ -91,7 +91,7 @@ class PushDistribution:
         return 1.0 - self.none_within(duration)
 
     def within(self, duration: float) -> np.ndarray:
-        """(K,) P(delta_i, T) of eq. 7.2: that the push of a time T [s] is impulse i."""
+        """(K,) P(delta_i, T) of Lin 2020 eq. 7.2: that the push of a time T [s] is impulse i."""
         total = self.probability.sum()
         return self.probability * (self.any_within(duration) / total if total > 0 else 0.0)
 

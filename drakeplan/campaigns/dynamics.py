@@ -1,6 +1,6 @@
 """The campaign that labels contact transitions with the exact centroidal program (Lin 2020 sec. 6.6).
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 6.5, 6.6, fig. 6.4.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 6.5, 6.6, fig. 6.4.
 Lin et al. 2019: Y.-C. Lin et al., "Efficient humanoid contact planning using learned centroidal dynamics prediction", sec. VII.
 
 A task is one random environment and one walk through it. A row is one transition: the stance before, the contact that is

@@ -1,6 +1,6 @@
 """Zero- and one-step capture: whether a robot that was pushed can come to rest, where it stands or with one new contact.
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 7.5.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 7.5.
 """
 
 from __future__ import annotations

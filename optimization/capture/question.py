@@ -1,6 +1,6 @@
 """The question of capture: can the robot come to rest from here, where it stands or with one new contact?
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 7.5 and 7.6.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 7.5 and 7.6.
 """
 
 from __future__ import annotations

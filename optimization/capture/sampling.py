@@ -1,6 +1,6 @@
 """Random questions of capture, as the documents draw them for learning.
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 7.6 and fig. 7.3: one
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 7.6 and fig. 7.3: one
 foot stands on a surface tilted by up to 25 deg, the CoM is within reach of it, the linear momentum is up to M 1 m/s and
 within 45 deg of level; the capture contact is projected with random depth and tilt. Intervals are ours where the document
 gives none.

@@ -1,6 +1,6 @@
 """A posture and joint velocities for a stance, a CoM and momenta: where a capture motion starts.
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 7.5: "we first optimize
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 7.5: "we first optimize
 the initial kinematic states to track r0, l0, k0 and the existing stance".
 """
 

@@ -36,8 +36,8 @@ class CentroidalWeights:
         angular_momentum_rate: on |kdot - kdot_ref|^2 [N m].
         force: on |f|^2 of each contact [M g].
         torque: on the squared normal torque at each centre of pressure [N m].
-        lateral_force: on the squared tangential force of each contact (eq. 6.4) [M g].
-        pressure_centre: on the squared centre of pressure over the patch's lengths (eq. 6.5) [-].
+        lateral_force: on the squared tangential force of each contact (Lin 2020 eq. 6.4) [M g].
+        pressure_centre: on the squared centre of pressure over the patch's lengths (Lin 2020 eq. 6.5) [-].
         com_tracking: on |com - com_reference|^2 [m], used where a reference is given.
         final_linear_momentum, final_angular_momentum: in place of those on |l|^2 and |k - k_ref|^2 at the last knot, and
             final_com: in place of `com_tracking` there; None where they are the same as everywhere. For one knot.

@@ -1,6 +1,6 @@
 """Centroidal dynamics over given contacts: the least-effort momentum trajectory that contact forces can bring about.
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 6.3, weights sec. 6.7.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 6.3, weights sec. 6.7.
 Ponton et al. 2018: B. Ponton et al., "On time optimization of centroidal momentum dynamics", ICRA 2018.
 """
 

@@ -1,7 +1,7 @@
 """Timing of a contact sequence: phase durations that make its centroidal trajectory cheaper.
 
 Ponton et al. 2018: B. Ponton et al., "On time optimization of centroidal momentum dynamics", ICRA 2018.
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), leaves it as future work.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), leaves it as future work.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The dynamics of single transitions, again and again: the question that a search and a label campaign ask.
 
-Lin 2020: Y.-C. Lin, "Humanoid Contact Planning in Challenging Environments" (dissertation), sec. 6.5 to 6.7.
+Lin 2020: Y.-C. Lin, "Learning for Humanoid Multi-Contact Navigation Planning" (dissertation), sec. 6.5 to 6.7.
 """
 
 from __future__ import annotations

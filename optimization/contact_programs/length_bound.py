@@ -94,7 +94,7 @@ def length_lower_bound(
         start: the first stance.
         goal: where the mean of the feet ends.
         model: the transition model that the search uses.
-        step_weight: w_s of (3.2) [m]; 0 gives a bound on the length alone.
+        step_weight: w_s of Lin 2020 eq. 3.2 [m]; 0 gives a bound on the length alone.
         palms: whether the search may use palms.
         num_steps: layers; None for a few more than a walk with the greatest strides needs.
         time_limit: seconds for each of the two relaxations.

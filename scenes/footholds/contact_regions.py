@@ -2,7 +2,7 @@
 
 A circle holds positions of the end effector's centre, not of its patch: wherever the centre is within the circle, the
 whole patch lies on the surface with nothing above it, for every rotation about the normal that was asked for. A
-contact's distance from a circle (eq. 4.4) says how far a plan is from a terrain.
+contact's distance from a circle (Lin 2020 eq. 4.4) says how far a plan is from a terrain.
 
 Lin 2020: "Learning for Humanoid Multi-Contact Navigation Planning". The cover is that of Chung & Khatib 2015,
 "Contact-consistent elastic strips for multi-contact locomotion planning of humanoid robots", ICRA.
@@ -25,7 +25,7 @@ from scenes.terrain.polygon import clip, convex_hull
 
 COARSEST = 0.08  # [m] first spacing of the samples
 FINEST = 0.01  # [m] d_cr,min, where refinement stops
-TILT_WEIGHT = 0.5  # [m] w_r of eq. 4.4, what a normal that points sideways counts
+TILT_WEIGHT = 0.5  # [m] w_r of Lin 2020 eq. 4.4, what a normal that points sideways counts
 TURN_STEP = np.deg2rad(5.0)  # between the rotations whose hull stands for a range of them
 TINY = 1e-9  # [m] distances that count as equal
 HOLDS = 1e-5  # [m] a contact this far off a circle is still held by it
