@@ -69,8 +69,14 @@ def run(options: BenchOptions) -> BenchTable:
 
 
 def _session(
-    campaign: DynamicsCampaign, folder: Path, tasks: int, count: int, *, stop_at: int | None = None, resume: bool = False
-) -> _Session:  # fmt: skip
+    campaign: DynamicsCampaign,
+    folder: Path,
+    tasks: int,
+    count: int,
+    *,
+    stop_at: int | None = None,
+    resume: bool = False,
+) -> _Session:
     told: list[tuple[float, CampaignProgress]] = []
 
     def listen(progress: CampaignProgress) -> None:
@@ -114,14 +120,35 @@ def _table(tasks: int, sessions: dict[str, list[_Session]]) -> BenchTable:
         )
         card = parts[-1].card
         rows.append(
-            (name, tasks, labels, wall, labels / wall, workers_cpu, labels / workers_cpu, f"{100 * engine_cpu / workers_cpu:.1f} %",
-             labels / wall / alone / count, workers_cpu / wall / count,
-             max(p.start_s for p in parts), "same" if card is not None and card.sha256 == one.card.sha256 else "DIFFERS")
-        )  # fmt: skip
+            (
+                name,
+                tasks,
+                labels,
+                wall,
+                labels / wall,
+                workers_cpu,
+                labels / workers_cpu,
+                f"{100 * engine_cpu / workers_cpu:.1f} %",
+                labels / wall / alone / count,
+                workers_cpu / wall / count,
+                max(p.start_s for p in parts),
+                "same" if card is not None and card.sha256 == one.card.sha256 else "DIFFERS",
+            )
+        )
     columns = (
-        "workers", "environments", "labels", "wall s", "labels/s", "workers' CPU s", "labels per CPU s", "engine CPU", "efficiency",
-        "workers busy", "start-up s", "data",
-    )  # fmt: skip
+        "workers",
+        "environments",
+        "labels",
+        "wall s",
+        "labels/s",
+        "workers' CPU s",
+        "labels per CPU s",
+        "engine CPU",
+        "efficiency",
+        "workers busy",
+        "start-up s",
+        "data",
+    )
     again = stopped.tasks - resumed.found
     overhead = (stopped.wall + resumed.wall) / two.wall - 1.0
     notes = (

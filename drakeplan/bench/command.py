@@ -28,8 +28,22 @@ def run(options: BenchOptions) -> BenchTable:
         for seed in range(min(REPEATS, options.seeds)):
             with tempfile.TemporaryDirectory() as folder:
                 out = [str(Path(folder) / "plan.h5"), str(Path(folder) / "plan.html")]
-                command = [sys.executable, "-m", "drakeplan", "plan", *words, "--seed", str(seed), "--robot",
-                           options.robot, "--out", out[0], "--html", out[1], "--json"]  # fmt: skip
+                command = [
+                    sys.executable,
+                    "-m",
+                    "drakeplan",
+                    "plan",
+                    *words,
+                    "--seed",
+                    str(seed),
+                    "--robot",
+                    options.robot,
+                    "--out",
+                    out[0],
+                    "--html",
+                    out[1],
+                    "--json",
+                ]
                 began = time.perf_counter()
                 done = subprocess.run(command, capture_output=True, text=True, check=False)
                 walls.append(time.perf_counter() - began)
@@ -39,10 +53,34 @@ def run(options: BenchOptions) -> BenchTable:
             verified += done.returncode == 0
             options.tell(f"{name} seed {seed}: {walls[-1]:.1f} s, {peaks[-1]:.0f} MB, exit {done.returncode}")
         planning, dynamics, motion = np.median(stages, axis=0)
-        rows.append((name, f"{verified} of {len(walls)}", float(np.median(walls)), min(walls), max(walls), seconds,
-                     max(peaks), megabytes, planning, dynamics, motion))  # fmt: skip
-    columns = ("plan", "verified", "median s", "min", "max", "target s", "peak MB", "target MB", "search s", "dynamics s",
-               "motion s")  # fmt: skip
+        rows.append(
+            (
+                name,
+                f"{verified} of {len(walls)}",
+                float(np.median(walls)),
+                min(walls),
+                max(walls),
+                seconds,
+                max(peaks),
+                megabytes,
+                planning,
+                dynamics,
+                motion,
+            )
+        )
+    columns = (
+        "plan",
+        "verified",
+        "median s",
+        "min",
+        "max",
+        "target s",
+        "peak MB",
+        "target MB",
+        "search s",
+        "dynamics s",
+        "motion s",
+    )
     notes = ("Seeds 0 and up, one run each, with --out and --html; search includes 1 s of improvement.",)
     return BenchTable(
         "command", "Whole command, process start to files written", columns, tuple(rows), notes, most_seeds=REPEATS

@@ -50,10 +50,24 @@ def run(options: BenchOptions) -> BenchTable:
     for name, found in cases.items():
         rows.append(_row(name, found))
         notes += _reasons(name, found)
-    columns = ("scene", "moved scenes", "planned again", "deformed", "both", "share of planned", "target",
-               "deformation median s", "p95", "target s", "whole deformation median s", "planning again median s")  # fmt: skip
-    notes.append("Deformation: regions and strips with their repairs; whole deformation adds dynamics, motion and "
-                 "verification. Seconds of processor time, which do not depend on what else the machine does.")  # fmt: skip
+    columns = (
+        "scene",
+        "moved scenes",
+        "planned again",
+        "deformed",
+        "both",
+        "share of planned",
+        "target",
+        "deformation median s",
+        "p95",
+        "target s",
+        "whole deformation median s",
+        "planning again median s",
+    )
+    notes.append(
+        "Deformation: regions and strips with their repairs; whole deformation adds dynamics, motion and "
+        "verification. Seconds of processor time, which do not depend on what else the machine does."
+    )
     title = "Plans deformed to surfaces moved by up to 10 cm and 15 deg"
     return BenchTable("deform", title, columns, tuple(rows), tuple(notes), most_seeds=None)
 
@@ -98,12 +112,21 @@ def _run_part(plan_of: Callable[[str, int], Plan | None], robot: Robot, part: st
         return {"replan": again.status, "replan_reason": again.reason, "replan_s": time.process_time() - began}
     plan = plan_of(name, seed)
     if plan is None or plan.motion is None:
-        return {"deform": NO_PLAN, "deform_reason": "the unmoved scene has no verified plan", "deform_s": np.nan,
-                "deform_total_s": np.nan}  # fmt: skip
+        return {
+            "deform": NO_PLAN,
+            "deform_reason": "the unmoved scene has no verified plan",
+            "deform_s": np.nan,
+            "deform_total_s": np.nan,
+        }
     began = time.process_time()
     result = deform(plan, moved, DeformOptions(), robot=robot)
-    return {"deform": result.status, "deform_reason": _category(result), "deform_detail": result.reason,
-            "deform_s": result.report["deform_s"], "deform_total_s": time.process_time() - began}  # fmt: skip
+    return {
+        "deform": result.status,
+        "deform_reason": _category(result),
+        "deform_detail": result.reason,
+        "deform_s": result.report["deform_s"],
+        "deform_total_s": time.process_time() - began,
+    }
 
 
 def _category(result: DeformResult) -> str:
@@ -126,8 +149,20 @@ def _row(name: str, cases: list[Case]) -> tuple[object, ...]:
         return float(np.percentile(values, percent)) if values else float("nan")
 
     share = len(both) / len(planned) if planned else float("nan")
-    return (name, len(asked), len(planned), len(deformed), len(both), share, TARGET, middle(asked, "deform_s"),
-            middle(asked, "deform_s", 95.0), SECONDS, middle(deformed, "deform_total_s"), middle(planned, "replan_s"))  # fmt: skip
+    return (
+        name,
+        len(asked),
+        len(planned),
+        len(deformed),
+        len(both),
+        share,
+        TARGET,
+        middle(asked, "deform_s"),
+        middle(asked, "deform_s", 95.0),
+        SECONDS,
+        middle(deformed, "deform_total_s"),
+        middle(planned, "replan_s"),
+    )
 
 
 def _reasons(name: str, cases: list[Case]) -> list[str]:

@@ -85,8 +85,18 @@ def run(options: BenchOptions) -> BenchTable:
         f"Success against time: {PLOT}.",
     ]
     notes += [f"{a.scene} seed {a.seed} {a.planner}: {a.result.reason}" for a in attempts if not a.verified]
-    columns = ("scene", "planner", "verified", "first contacts s", "planning s", "total s", "stances", "cost", "gap to bound",
-               "repairs")  # fmt: skip
+    columns = (
+        "scene",
+        "planner",
+        "verified",
+        "first contacts s",
+        "planning s",
+        "total s",
+        "stances",
+        "cost",
+        "gap to bound",
+        "repairs",
+    )
     return BenchTable(
         "planners", "Planners on the same scenes and verifier", columns, tuple(rows), tuple(notes), most_seeds=MAX_SEEDS
     )
@@ -104,10 +114,17 @@ def _row(scene: str, planner: str, attempts: Sequence[Attempt]) -> tuple[object,
 
     gaps = [a.gap for a in attempts if a.verified]
     return (
-        scene, planner, f"{sum(a.verified for a in attempts)} of {len(attempts)}", median("time_to_first_s"),
-        median("planning_s"), median("total_s"), median("stances"), median("cost"),
-        float(np.median(gaps)) if gaps else float("nan"), median("repairs"),
-    )  # fmt: skip
+        scene,
+        planner,
+        f"{sum(a.verified for a in attempts)} of {len(attempts)}",
+        median("time_to_first_s"),
+        median("planning_s"),
+        median("total_s"),
+        median("stances"),
+        median("cost"),
+        float(np.median(gaps)) if gaps else float("nan"),
+        median("repairs"),
+    )
 
 
 def _plot(attempts: Sequence[Attempt], path: Path) -> None:
@@ -123,10 +140,19 @@ def _plot(attempts: Sequence[Attempt], path: Path) -> None:
         mine = [a for a in attempts if a.planner == planner]
         times = np.sort([a.number("time_to_first_s") for a in mine if a.verified])
         share = np.arange(1, len(times) + 1) / max(len(mine), 1)
-        axes.step(np.r_[1e-3, times, DEADLINE], np.r_[0.0, share, share[-1:] if len(share) else [0.0]], where="post",
-                  label=f"{planner} ({len(times)} of {len(mine)})")  # fmt: skip
-    axes.set(xscale="log", xlim=(1e-3, DEADLINE), ylim=(0.0, 1.03), xlabel="time to the first contacts that pass [s]",
-             ylabel="share of queries, verified")  # fmt: skip
+        axes.step(
+            np.r_[1e-3, times, DEADLINE],
+            np.r_[0.0, share, share[-1:] if len(share) else [0.0]],
+            where="post",
+            label=f"{planner} ({len(times)} of {len(mine)})",
+        )
+    axes.set(
+        xscale="log",
+        xlim=(1e-3, DEADLINE),
+        ylim=(0.0, 1.03),
+        xlabel="time to the first contacts that pass [s]",
+        ylabel="share of queries, verified",
+    )
     axes.legend(loc="upper left")
     figure.savefig(path, dpi=120)
     plt.close(figure)

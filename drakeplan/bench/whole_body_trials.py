@@ -101,12 +101,32 @@ def kinodynamic_row(robot: Robot) -> Row:
     elapsed = time.process_time() - built
     trajectory = None if estimate.centroidal is None else estimate.centroidal.trajectory
     if estimate.centroidal is None or trajectory is None:
-        return _row("kino-dynamic", "auto", DEFAULT_CONE, "2 steps", estimate.feasible, False, build=built - began,
-                    solve=elapsed, memory=memory.rise)  # fmt: skip
+        return _row(
+            "kino-dynamic",
+            "auto",
+            DEFAULT_CONE,
+            "2 steps",
+            estimate.feasible,
+            False,
+            build=built - began,
+            solve=elapsed,
+            memory=memory.rise,
+        )
     found = violations(problem, program.options.centroidal, trajectory)
-    return _row("kino-dynamic", "auto", DEFAULT_CONE, "2 steps", estimate.feasible, not found, cost=estimate.centroidal.cost,
-                violation=found[0].excess if found else 0.0, residual=newton_euler(problem, trajectory),
-                build=built - began, solve=elapsed, memory=memory.rise)  # fmt: skip
+    return _row(
+        "kino-dynamic",
+        "auto",
+        DEFAULT_CONE,
+        "2 steps",
+        estimate.feasible,
+        not found,
+        cost=estimate.centroidal.cost,
+        violation=found[0].excess if found else 0.0,
+        residual=newton_euler(problem, trajectory),
+        build=built - began,
+        solve=elapsed,
+        memory=memory.rise,
+    )
 
 
 def strip_row(robot: Robot) -> Row:
@@ -119,8 +139,16 @@ def strip_row(robot: Robot) -> Row:
         result = deform(plan, moved, DeformOptions(), robot=robot)
     holds = result.verification is not None and result.verification.holds
     iterations = f"{SCENE}, {result.report.get('configurations', NAN):.0f} configurations"
-    return _row("elastic strip", "auto", DEFAULT_CONE, iterations, result.status == "complete", holds,
-                solve=result.report["deform_s"], memory=memory.rise)  # fmt: skip
+    return _row(
+        "elastic strip",
+        "auto",
+        DEFAULT_CONE,
+        iterations,
+        result.status == "complete",
+        holds,
+        solve=result.report["deform_s"],
+        memory=memory.rise,
+    )
 
 
 def plan_rows(robot: Robot) -> Iterator[Row]:
@@ -137,8 +165,17 @@ def plan_rows(robot: Robot) -> Iterator[Row]:
         if plan is not None and plan.centroidal is not None:
             cost = effort(robot, planned_schedule(plan), options.cone, plan.centroidal)  # type: ignore[arg-type]
         formulation = f"whole plan, {'free' if free else 'given'} timing"
-        yield _row(formulation, "auto", DEFAULT_CONE, SCENE, whole, found.status == "complete", cost=cost, solve=elapsed,
-                   memory=memory.rise)  # fmt: skip
+        yield _row(
+            formulation,
+            "auto",
+            DEFAULT_CONE,
+            SCENE,
+            whole,
+            found.status == "complete",
+            cost=cost,
+            solve=elapsed,
+            memory=memory.rise,
+        )
 
 
 def mixed_integer_rows(robot: Robot) -> Iterator[Row]:
@@ -163,9 +200,14 @@ def mixed_integer_rows(robot: Robot) -> Iterator[Row]:
 
 
 def _contact_row(
-    formulation: str, solver: str, estimate: ContactEstimate, settings: MixedIntegerSettings, build: float, solve: float,
+    formulation: str,
+    solver: str,
+    estimate: ContactEstimate,
+    settings: MixedIntegerSettings,
+    build: float,
+    solve: float,
     memory: float,
-) -> Row:  # fmt: skip
+) -> Row:
     record = estimate.record
     size = f"{CONTACTS} contacts, {SCENE}"
     if record is not None and np.isfinite(record.cpu_time):  # solved in a process of its own
@@ -174,19 +216,56 @@ def _contact_row(
         return _row(
             formulation, solver, DEFAULT_CONE, size, estimate.feasible, False, build=build, solve=solve, memory=memory
         )
-    return _row(formulation, record.solver, DEFAULT_CONE, size, True, record.worst <= settings.accept, cost=estimate.cost,
-                ratio=estimate.cost / record.bound if record.bound > 0 else NAN,
-                violation=record.worst / settings.accept, build=build, solve=solve, memory=memory)  # fmt: skip
+    return _row(
+        formulation,
+        record.solver,
+        DEFAULT_CONE,
+        size,
+        True,
+        record.worst <= settings.accept,
+        cost=estimate.cost,
+        ratio=estimate.cost / record.bound if record.bound > 0 else NAN,
+        violation=record.worst / settings.accept,
+        build=build,
+        solve=solve,
+        memory=memory,
+    )
 
 
 def _row(
-    formulation: str, solver: str, cone: FrictionCone, size: str, claimed: bool, holds: bool, *, cost: float = NAN,
-    ratio: float = NAN, violation: float = NAN, residual: float = NAN, build: float = NAN, solve: float = NAN,
+    formulation: str,
+    solver: str,
+    cone: FrictionCone,
+    size: str,
+    claimed: bool,
+    holds: bool,
+    *,
+    cost: float = NAN,
+    ratio: float = NAN,
+    violation: float = NAN,
+    residual: float = NAN,
+    build: float = NAN,
+    solve: float = NAN,
     memory: float = NAN,
-) -> Row:  # fmt: skip
+) -> Row:
     """A row of the optimisers' table for one question."""
-    return (formulation, solver, cone, size, 1, int(claimed and holds), int(claimed and not holds), cost, ratio, violation,
-            residual, 1e3 * build, 1e3 * solve, 1e3 * solve, memory)  # fmt: skip
+    return (
+        formulation,
+        solver,
+        cone,
+        size,
+        1,
+        int(claimed and holds),
+        int(claimed and not holds),
+        cost,
+        ratio,
+        violation,
+        residual,
+        1e3 * build,
+        1e3 * solve,
+        1e3 * solve,
+        memory,
+    )
 
 
 def _foot(name: str, x: float) -> Contact:

@@ -88,9 +88,7 @@ def identity(campaign: Campaign, seed: int, tasks_per_shard: int) -> CampaignIde
         tasks_per_shard: tasks in one file.
     """
     lines = schema_lines(campaign.schema)
-    return CampaignIdentity(
-        campaign.name, campaign.version, seed, tasks_per_shard, dict(campaign.parameters), lines
-    )  # fmt: skip
+    return CampaignIdentity(campaign.name, campaign.version, seed, tasks_per_shard, dict(campaign.parameters), lines)
 
 
 def run_task(campaign: Campaign, task: Task) -> pa.Table:

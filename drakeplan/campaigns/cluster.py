@@ -84,7 +84,7 @@ class ClusterWorkers:
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.close()
 
     def _check_workers(self) -> None:

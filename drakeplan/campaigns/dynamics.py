@@ -164,11 +164,13 @@ def counts_text(card: Card) -> str:
     heads = ("category", "labels", "feasible", *grounds)
     rows = [
         (
-            name, str(kind["all"]), f"{100 * kind['feasible'] / max(kind['all'], 1):.1f} %",
+            name,
+            str(kind["all"]),
+            f"{100 * kind['feasible'] / max(kind['all'], 1):.1f} %",
             *(str(kind[ground]) for ground in grounds),
         )
         for name, kind in zip(CATEGORIES, kinds, strict=True)
-    ]  # fmt: skip
+    ]
     width = [max(len(row[k]) for row in (heads, *rows)) for k in range(len(heads))]
     lines = [
         "  ".join([row[0].ljust(width[0]), *(c.rjust(w) for c, w in zip(row[1:], width[1:], strict=True))])

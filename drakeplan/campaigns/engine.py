@@ -117,7 +117,7 @@ class _Run:
 
     def __init__(
         self, campaign: Campaign, folder: LabelFolder, options: CollectOptions, listener: ProgressListener | None
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.campaign, self.folder, self.options, self.listener = campaign, folder, options, listener
         self.done = self.rows = self.failed = 0
         self.began, self.new_tasks, self.new_rows, self.cpu_time = time.monotonic(), 0, 0, 0.0

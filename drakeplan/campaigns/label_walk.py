@@ -141,9 +141,14 @@ class LabelWalk:
     """
 
     def __init__(
-        self, environment: TiltedEnvironment, robot: Robot, ik: WholeBodyIK, dynamics: TransitionDynamics,
-        options: WalkOptions, rng: np.random.Generator,
-    ) -> None:  # fmt: skip
+        self,
+        environment: TiltedEnvironment,
+        robot: Robot,
+        ik: WholeBodyIK,
+        dynamics: TransitionDynamics,
+        options: WalkOptions,
+        rng: np.random.Generator,
+    ) -> None:
         """Places the robot in the environment.
 
         Args:
@@ -216,7 +221,7 @@ class LabelWalk:
         numbers = np.array(children)
         batch = TransitionBatch.of_children(
             self.pool.p, self.pool.R, state.held, numbers[:, :4], state.com, state.velocity
-        )  # fmt: skip
+        )
         canonical = canonicalise(batch)
         near = self.domain.distance_to_go(children)
         picked = []

@@ -127,7 +127,7 @@ class LocalWorkers:
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.close()
 
     def _outcome(self, task: Task, done: Future[tuple[pa.Table, float]]) -> Outcome:

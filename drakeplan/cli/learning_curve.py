@@ -19,9 +19,13 @@ FILE = "learning_curve.json"
 
 
 def run_learning_curve(
-    labels: LabelledTransitions, robot: Robot, out: Path, options: TrainingOptions, tell: Callable[[Progress], None],
+    labels: LabelledTransitions,
+    robot: Robot,
+    out: Path,
+    options: TrainingOptions,
+    tell: Callable[[Progress], None],
     as_json: bool,
-) -> int:  # fmt: skip
+) -> int:
     """Trains on each share of the scenes, writes data and picture, prints the table and returns the exit status.
 
     Args:

@@ -121,8 +121,9 @@ def _printer() -> Callable[[Progress], None]:
         print(
             f"[{now - start:6.1f} s] {progress.network} ({progress.number} of {progress.networks}) epoch {progress.epoch}"
             f" of {progress.epochs}: loss {progress.loss:.4f}, held out {progress.validation:.4f}",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
+            file=sys.stderr,
+            flush=True,
+        )
 
     return tell
 

@@ -280,11 +280,17 @@ class ProgramPlanner:
         failed = () if trial.passed else self._learn(trial.failed, palms, count)
         self.notes.append(
             SolveNote(
-                count, palms, record.solver if record else "", record.status if record else "infeasible",
-                record.time if record else 0.0, record.time_to_first if record else np.nan,
-                record.gap if record else np.inf, record.peak_rss_mb if record else np.nan, failed,
+                count,
+                palms,
+                record.solver if record else "",
+                record.status if record else "infeasible",
+                record.time if record else 0.0,
+                record.time_to_first if record else np.nan,
+                record.gap if record else np.inf,
+                record.peak_rss_mb if record else np.nan,
+                failed,
             )
-        )  # fmt: skip
+        )
         if trial.passed or failed:
             return trial.passed
         self._why = estimate.reason + self._failure_text()

@@ -162,8 +162,21 @@ class _Deformation:
         self.planned = tuple(plan.contact(c) for c in range(len(plan.contacts)))
         self.penalty: list[dict[int, float]] = [{} for _ in self.planned]
         self.report: dict[str, float] = dict.fromkeys(
-            ("deform_s", "regions_s", "strip_s", "dynamics_s", "motion_s", "verification_s", "iterations",
-             "configurations", "repairs", "moved_mean", "moved_most"), 0.0)  # fmt: skip
+            (
+                "deform_s",
+                "regions_s",
+                "strip_s",
+                "dynamics_s",
+                "motion_s",
+                "verification_s",
+                "iterations",
+                "configurations",
+                "repairs",
+                "moved_mean",
+                "moved_most",
+            ),
+            0.0,
+        )
         self._maker: MotionMaker | None = None
 
     def run(self) -> DeformResult:
@@ -270,9 +283,14 @@ class _Deformation:
         return assemble_plan(self.scene, self.robot, stances, motion, cone=self.cone, provenance=provenance)
 
     def _result(
-        self, status: Literal["contacts"], reason: str, stances: list[Stance], motion: MotionResult | None,
-        strip: StripEstimate, report: Report | None,
-    ) -> DeformResult:  # fmt: skip
+        self,
+        status: Literal["contacts"],
+        reason: str,
+        stances: list[Stance],
+        motion: MotionResult | None,
+        strip: StripEstimate,
+        report: Report | None,
+    ) -> DeformResult:
         return DeformResult(status, reason, self._assemble(stances, motion), strip, report, dict(self.report))
 
     def _blame(self, strip: StripEstimate) -> dict[int, float]:

@@ -140,9 +140,12 @@ def choose_region(
 
 
 def make_problem(
-    plan: Plan, scene: Scene, planned: tuple[Contact, ...],
-    chosen: Sequence[tuple[Contact, ContactRegions]], sampling: Sampling,
-) -> StripProblem:  # fmt: skip
+    plan: Plan,
+    scene: Scene,
+    planned: tuple[Contact, ...],
+    chosen: Sequence[tuple[Contact, ContactRegions]],
+    sampling: Sampling,
+) -> StripProblem:
     """The elastic-strip problem of a complete plan whose contacts move to given regions.
 
     Args:

@@ -28,12 +28,23 @@ def draw_prediction(found: Sequence[Prediction]) -> Figure:
     axes = figure.subplots()
     both = found[-1]
     for p, colour, marker in zip(found[:-1], ("tab:blue", "tab:orange"), "os", strict=False):
-        axes.plot(p.predicted, p.actual, marker, color=colour, markersize=4, alpha=0.8,
-                  label=f"{p.scene}, r = {p.correlation:.2f}")  # fmt: skip
+        axes.plot(
+            p.predicted,
+            p.actual,
+            marker,
+            color=colour,
+            markersize=4,
+            alpha=0.8,
+            label=f"{p.scene}, r = {p.correlation:.2f}",
+        )
     if np.isfinite(both.slope):
         ends = np.array([both.predicted.min(), both.predicted.max()])
-        axes.plot(ends, both.slope * ends + both.intercept, color="tab:red",
-                  label=f"robust fit, slope {both.slope:.2f}; r = {both.correlation:.2f}")  # fmt: skip
+        axes.plot(
+            ends,
+            both.slope * ends + both.intercept,
+            color="tab:red",
+            label=f"robust fit, slope {both.slope:.2f}; r = {both.correlation:.2f}",
+        )
     low, high = (
         (f(np.concatenate([both.predicted, both.actual])) for f in (np.min, np.max)) if len(both.actual) else (0, 1)
     )
@@ -53,15 +64,32 @@ def draw_times(series: Sequence[Series]) -> Figure:
         times = np.sort(list(s.first_s.values()))
         share = np.arange(1, len(times) + 1) / s.asked
         end = max(100.0, *times) if len(times) else 100.0
-        axes.step(np.r_[1e-3, times, end], np.r_[0.0, share, share[-1:] if len(share) else [0.0]], where="post",
-                  label=f"{s.planner} ({len(times)} of {s.asked})")  # fmt: skip
+        axes.step(
+            np.r_[1e-3, times, end],
+            np.r_[0.0, share, share[-1:] if len(share) else [0.0]],
+            where="post",
+            label=f"{s.planner} ({len(times)} of {s.asked})",
+        )
     for name, (mean, std) in PUBLISHED.items():
         axes.errorbar(mean, 0.5, xerr=std, fmt="k^", markersize=5, capsize=3, linewidth=0.8)
-        axes.annotate(name.removesuffix(", published").replace("mixed integer, ", ""), (mean, 0.5), (0, 8), rotation=90,
-                      textcoords="offset points", ha="center", va="bottom", fontsize=7)  # fmt: skip
+        axes.annotate(
+            name.removesuffix(", published").replace("mixed integer, ", ""),
+            (mean, 0.5),
+            (0, 8),
+            rotation=90,
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=7,
+        )
     axes.plot([], [], "k^", label="published: mean and standard deviation")
-    axes.set(xscale="log", xlim=(5e-3, 200.0), ylim=(0.0, 1.03), xlabel="time to the first dynamically feasible sequence [s]",
-             ylabel=f"share of queries, {SCENE}")  # fmt: skip
+    axes.set(
+        xscale="log",
+        xlim=(5e-3, 200.0),
+        ylim=(0.0, 1.03),
+        xlabel="time to the first dynamically feasible sequence [s]",
+        ylabel=f"share of queries, {SCENE}",
+    )
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
     return figure
 
@@ -80,8 +108,14 @@ def draw_robustness(table: BenchTable) -> Figure:
         ):
             at = 5 * (i // 4) + 1.05 * (i % 4)
             label = f"{planner}{source}" if i < 4 else None
-            axes.bar(at, rows[scene, planner + source][k], color=COLOURS[planner], alpha=0.45 if source else 1.0,
-                     hatch="//" if source else None, label=label)  # fmt: skip
+            axes.bar(
+                at,
+                rows[scene, planner + source][k],
+                color=COLOURS[planner],
+                alpha=0.45 if source else 1.0,
+                hatch="//" if source else None,
+                label=label,
+            )
         axes.set(title=name, xticks=[1.6, 6.6])
         axes.set_xticklabels(SCENES, fontsize=8)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
