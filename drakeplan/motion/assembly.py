@@ -54,7 +54,7 @@ def assemble_plan(
         robot_model=str(robot.model),
         robot_model_sha256=robot.model_sha256,
         mass=robot.mass,
-        friction_cone=cone.value,
+        friction_cone=FrictionCone(cone).value,
         scene_name=scene.name,
         scene_yaml=scene_to_yaml(_on_the_ground(scene, stances[0]), meshes_as_surfaces=True),
         triangles=scene.terrain.triangles,
