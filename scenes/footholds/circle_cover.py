@@ -9,6 +9,8 @@ Source: Lin 2020, "Learning for Humanoid Multi-Contact Navigation Planning", sec
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -17,30 +19,50 @@ GROWTH_STEP = 0.2  # of the finest spacing, where the search for a larger circle
 COVERED = 0.999  # share of a circle that counts as covered, so that samples on its edge grow none
 
 
-@njit(cache=True)
-def free_radius(
-    x: np.ndarray, normals: np.ndarray, offsets: np.ndarray, blockers: np.ndarray, counts: np.ndarray, keep: float
-) -> float:
-    """Radius of the largest circle about x (2,) in the free part [m]; negative where x is not free.
+class FreeSpace(NamedTuple):
+    """The free part of a plane: inside K half planes, and away from B convex polygons.
 
-    Args:
+    Attributes:
         normals: (K, 2) outward unit normals of the half planes.
         offsets: (K,) n . x <= c [m].
-        blockers: (B, V, 2) corners of convex polygons, counter-clockwise; segments and points have two and one [m].
-        counts: (B,) how many are real.
+        blockers: (B, V, 2) corners of the polygons, counter-clockwise; segments and points have two and one [m].
+        counts: (B,) how many corners are real.
         keep: distance to keep from the polygons [m].
     """
+
+    normals: np.ndarray
+    offsets: np.ndarray
+    blockers: np.ndarray
+    counts: np.ndarray
+    keep: float
+
+
+@njit(cache=True)
+def free_radius(x: np.ndarray, space: FreeSpace) -> float:
+    """Radius of the largest circle about a point in the free part [m]; negative where the point is not free.
+
+    Args:
+        x: (2,) the point [m].
+        space: the free part.
+    """
+    normals, offsets = space.normals, space.offsets
     radius = np.inf
     for k in range(normals.shape[0]):
         radius = min(radius, offsets[k] - normals[k, 0] * x[0] - normals[k, 1] * x[1])
-    for b in range(blockers.shape[0]):
-        radius = min(radius, polygon_distance(x, blockers[b], counts[b]) - keep)
+    for b in range(space.blockers.shape[0]):
+        radius = min(radius, polygon_distance(x, space.blockers[b], space.counts[b]) - space.keep)
     return radius
 
 
 @njit(cache=True)
 def polygon_distance(x: np.ndarray, corners: np.ndarray, count: int) -> float:
-    """Signed distance of x (2,) from a convex polygon, counter-clockwise [m]; minus the way out where x is inside."""
+    """Signed distance of x (2,) from a convex polygon, counter-clockwise [m]; minus the way out where x is inside.
+
+    Args:
+        x: (2,) the point [m].
+        corners: (V, 2) of the polygon [m].
+        count: how many corners are real.
+    """
     inside, nearest = count > 2, np.inf
     for a in range(count):
         b = a + 1 if a + 1 < count else 0
@@ -54,17 +76,15 @@ def polygon_distance(x: np.ndarray, corners: np.ndarray, count: int) -> float:
 
 
 @njit(cache=True)
-def cover_free_space(
-    normals: np.ndarray, offsets: np.ndarray, blockers: np.ndarray, counts: np.ndarray, keep: float, coarsest: float,
-    finest: float,
-) -> np.ndarray:  # fmt: skip
+def cover_free_space(space: FreeSpace, coarsest: float, finest: float) -> np.ndarray:
     """(K, 3) circles x, y, radius [m] that cover the free part, none within another.
 
     Args:
-        normals, offsets, blockers, counts, keep: as in `free_radius`; the half planes enclose a bounded part.
-        coarsest, finest: first and last spacing of the samples [m].
+        space: the free part; its half planes enclose a bounded part of the plane.
+        coarsest: first spacing of the samples [m].
+        finest: last spacing of the samples [m].
     """
-    low, high = _bounds(normals, offsets)
+    low, high = _bounds(space.normals, space.offsets)
     if not (high[0] >= low[0] and high[1] >= low[1]):
         return np.zeros((0, 3))
     spacing = coarsest
@@ -79,7 +99,7 @@ def cover_free_space(
     while cells.shape[0]:
         room = np.empty(cells.shape[0])
         for i in range(cells.shape[0]):
-            room[i] = free_radius(cells[i], normals, offsets, blockers, counts, keep)
+            room[i] = free_radius(cells[i], space)
         for i in np.argsort(-room):
             if room[i] < LEAST_RADIUS * finest:
                 break
@@ -89,7 +109,7 @@ def cover_free_space(
                 larger = np.empty((2 * n, 3))
                 larger[:n] = circles
                 circles = larger
-            circles[n] = _grown(cells[i], float(room[i]), spacing, finest, normals, offsets, blockers, counts, keep)
+            circles[n] = _grown(cells[i], float(room[i]), spacing, finest, space)
             n += 1
         half = 0.5 * spacing
         if half < finest * (1.0 - 1e-9):
@@ -108,10 +128,7 @@ def cover_free_space(
 
 
 @njit(cache=True)
-def _grown(
-    sample: np.ndarray, room: float, spacing: float, finest: float, normals: np.ndarray, offsets: np.ndarray,
-    blockers: np.ndarray, counts: np.ndarray, keep: float,
-) -> np.ndarray:  # fmt: skip
+def _grown(sample: np.ndarray, room: float, spacing: float, finest: float, space: FreeSpace) -> np.ndarray:
     """(3,) a circle that holds the sample: the one about it, its centre moved to where it grows, by a pattern search."""
     circle, x = np.array([sample[0], sample[1], room]), np.empty(2)
     step = 0.5 * spacing
@@ -120,7 +137,7 @@ def _grown(
         for a in range(8):
             x[0] = circle[0] + step * np.cos(0.25 * np.pi * a)
             x[1] = circle[1] + step * np.sin(0.25 * np.pi * a)
-            radius = free_radius(x, normals, offsets, blockers, counts, keep)
+            radius = free_radius(x, space)
             away = np.sqrt((x[0] - sample[0]) ** 2 + (x[1] - sample[1]) ** 2)
             if radius > best and away <= COVERED * radius:
                 best_a, best = a, radius

@@ -17,7 +17,7 @@ import numpy as np
 
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS, is_foot
-from scenes.footholds.circle_cover import cover_free_space
+from scenes.footholds.circle_cover import FreeSpace, cover_free_space
 from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE, PATCH_MARGIN
 from scenes.robots.robot import EffectorSpec
 from scenes.terrain.packed_terrain import PackedTerrain, near
@@ -68,6 +68,10 @@ class ContactRegions:
         """Index of the nearest circle and its distance [m]; (-1, inf) where there is no circle.
 
         Of several that hold the contact, the one whose edge is furthest away is nearest.
+
+        Args:
+            X_WC: (4, 4) contact pose.
+            tilt_weight: w_r of eq. 4.4 of Lin 2020 [m].
         """
         if not len(self):
             return -1, np.inf
@@ -82,6 +86,10 @@ class ContactRegions:
         """Index of the circle that holds the contact and lets it go furthest along `way` (3,) before it meets the rim.
 
         -1 where no circle holds the contact, or `way` is none.
+
+        Args:
+            X_WC: (4, 4) contact pose.
+            way: (3,) direction in W, of any length.
         """
         along, across = self._offsets(X_WC)
         length = float(np.linalg.norm(way))
@@ -96,6 +104,10 @@ class ContactRegions:
         """(4, 4) the contact pose moved to the nearest point of a circle and turned until its normal is the circle's.
 
         The turn is the smallest that does it; of those by 180 deg one about the pose's x axis.
+
+        Args:
+            X_WC: (4, 4) contact pose.
+            index: of the circle.
         """
         across = self._offsets(X_WC)[1][index]
         length = np.linalg.norm(across)
@@ -162,8 +174,8 @@ def cover_terrain(
             continue
         X_WS = _surface_frame(packed, k, effector.name, 0.0 if heading is None else heading)
         window = None if around is None else (X_WS[:3, :2].T @ (np.asarray(around) - X_WS[:3, 3]), reach)
-        room = _room(packed, k, X_WS, effector, None if heading is None else turn, window)
-        circles = cover_free_space(*room, coarsest, finest)
+        space = _free_space(packed, k, X_WS, effector, None if heading is None else turn, window)
+        circles = cover_free_space(space, coarsest, finest)
         X = np.tile(X_WS, (len(circles), 1, 1))
         X[:, :3, 3] += circles[:, :2] @ X_WS[:3, :2].T
         surface.append(np.full(len(circles), k))
@@ -172,14 +184,15 @@ def cover_terrain(
     return ContactRegions(np.concatenate(surface), np.concatenate(X_WR), np.concatenate(radius))
 
 
-Room = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]
-
-
-def _room(
-    packed: PackedTerrain, k: int, X_WS: np.ndarray, effector: EffectorSpec, turn: float | None,
+def _free_space(
+    packed: PackedTerrain,
+    k: int,
+    X_WS: np.ndarray,
+    effector: EffectorSpec,
+    turn: float | None,
     window: tuple[np.ndarray, float] | None = None,
-) -> Room:  # fmt: skip
-    """What bounds the end effector's centre on a surface, in the plane of X_WS, for `circle_cover`.
+) -> FreeSpace:
+    """What bounds the end effector's centre on a surface, in the plane of X_WS.
 
     Half planes n . x <= c (the outline, shrunk by the patch), polygons that it may not enter (what stands above the
     surface, grown by the patch and what the foot needs beyond it), and a distance to keep from those. A window, a point of
@@ -219,7 +232,7 @@ def _room(
     if window is not None:
         square = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
         normals, offsets = np.vstack([normals, square]), np.append(offsets, square @ window[0] + window[1])
-    return np.ascontiguousarray(normals), offsets, blockers, counts, keep_body
+    return FreeSpace(np.ascontiguousarray(normals), offsets, blockers, counts, keep_body)
 
 
 def _surface_frame(packed: PackedTerrain, k: int, effector: str, heading: float) -> np.ndarray:

@@ -59,7 +59,12 @@ class FootholdRegion:
         return self.vertices.mean(axis=0)
 
     def contact(self, p: np.ndarray, heading: float) -> Contact:
-        """The contact at the point p (3,) [m], moved onto the plane, with this heading."""
+        """The contact at the point p (3,) [m], moved onto the plane, with this heading.
+
+        Args:
+            p: (3,) point in W [m].
+            heading: yaw of the contact in W [rad].
+        """
         on_plane = p - (self.normal @ p - self.offset) * self.normal
         name = EFFECTORS[self.effector]
         return Contact(
@@ -101,7 +106,14 @@ def foothold_regions(
 
 
 def disc_region(surface: Surface, number: int, effector: int, radius: float) -> FootholdRegion | None:
-    """The region for any heading whatever of a patch that holds a disc of this radius [m]: for bounds, not for plans."""
+    """The region for any heading whatever of a patch that holds a disc of this radius [m]: for bounds, not for plans.
+
+    Args:
+        surface: the surface.
+        number: its index in the terrain.
+        effector: index into `EFFECTORS`.
+        radius: of the disc [m].
+    """
     X, origin = _axes(surface)
     polygon = _inset(_flat(surface.vertices, X, origin), lambda normal: radius)
     if len(polygon) < 3:
@@ -113,6 +125,12 @@ def support(half: tuple[float, float], low: float, high: float, direction: float
     """Greatest reach [m] of a rectangle's points along a direction [rad], over its turns between low and high [rad].
 
     At turn t it is hx |cos(t - d)| + hy |sin(t - d)|, greatest where the diagonal points along d.
+
+    Args:
+        half: half length and half width of the rectangle [m].
+        low: least turn [rad].
+        high: greatest turn [rad].
+        direction: angle in the plane of the rectangle [rad].
     """
     turns = np.array([low, high]) - direction
     reach = half[0] * np.abs(np.cos(turns)) + half[1] * np.abs(np.sin(turns))

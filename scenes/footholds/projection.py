@@ -71,7 +71,14 @@ def no_placements(n: int) -> Placements:
 
 @njit(cache=True)
 def contact_axes(normal: np.ndarray, heading: float, palm: bool, R_WC: np.ndarray) -> None:
-    """Writes `scenes.contact.contact_rotation` into R_WC (3, 3)."""
+    """Writes `scenes.contact.contact_rotation` into R_WC (3, 3).
+
+    Args:
+        normal: (3,) outward unit normal of the surface in W.
+        heading: yaw of the contact in W [rad].
+        palm: whether a palm touches, not a foot.
+        R_WC: (3, 3) is written here.
+    """
     fx, fy, fz = np.cos(heading), np.sin(heading), 0.0
     if palm and abs(normal[2]) < NEAR_LEVEL:
         fx, fy, fz = 0.0, 0.0, 1.0
@@ -296,7 +303,15 @@ def project_palms(
 
 @njit(cache=True)
 def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.ndarray, size: np.ndarray) -> bool:
-    """Whether an upright box (`centre`, `size` in the frame at p with this yaw) touches no polygon."""
+    """Whether an upright box (`centre`, `size` in the frame at p with this yaw) touches no polygon.
+
+    Args:
+        packed: the terrain.
+        p: (3,) origin of the box's frame in W [m].
+        yaw: of that frame [rad].
+        centre: (3,) of the box in that frame [m].
+        size: (3,) full edges of the box [m].
+    """
     c, s = np.cos(yaw), np.sin(yaw)
     low, high = centre - 0.5 * size, centre + 0.5 * size
     reach = np.sqrt(max(low[0] ** 2, high[0] ** 2) + max(low[1] ** 2, high[1] ** 2))
@@ -320,7 +335,16 @@ def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.nda
 def boxes_are_free(
     packed: PackedTerrain, p: np.ndarray, yaw: np.ndarray, centre: np.ndarray, size: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
-    """(n,) `wanted`, less where the box at p (n, 3) and yaw (n,) touches a polygon."""
+    """(n,) `wanted`, less where the box at p (n, 3) and yaw (n,) touches a polygon.
+
+    Args:
+        packed: the terrain.
+        p: (n, 3) origins of the box's frames in W [m].
+        yaw: (n,) of those frames [rad].
+        centre: (3,) of the box in its frame [m].
+        size: (3,) full edges of the box [m].
+        wanted: (n,) bool, which are looked at.
+    """
     free = wanted.copy()
     for k in range(p.shape[0]):
         if free[k]:
@@ -330,7 +354,16 @@ def boxes_are_free(
 
 @njit(cache=True)
 def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low: float, z_high: float) -> bool:
-    """Whether no polygon's bounds meet the square of half width `reach` about (x, y) between z_low and z_high."""
+    """Whether no polygon's bounds meet the square of half width `reach` about (x, y) between z_low and z_high.
+
+    Args:
+        packed: the terrain.
+        x: of the square's centre in W [m].
+        y: of the square's centre in W [m].
+        reach: half width of the square [m].
+        z_low: lowest height in W [m].
+        z_high: greatest height in W [m].
+    """
     rows, j0, j1 = cells_under(packed, x - reach, y - reach, x + reach, y + reach)
     for i in rows:
         for k in in_cells(packed, i, j0, j1):

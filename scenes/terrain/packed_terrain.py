@@ -143,10 +143,10 @@ def cells_under(
 
     Args:
         packed: the terrain.
-        x_low: of the box in W [m], and so on.
-        y_low: [m].
-        x_high: [m].
-        y_high: [m].
+        x_low: least x of the box in W [m].
+        y_low: least y of the box in W [m].
+        x_high: greatest x of the box in W [m].
+        y_high: greatest y of the box in W [m].
     """
     cell = packed.cell[0]
     i0 = max(int(np.floor((x_low - packed.origin[0]) / cell)), 0)
@@ -176,10 +176,10 @@ def near(packed: PackedTerrain, x_low: float, y_low: float, x_high: float, y_hig
 
     Args:
         packed: the terrain.
-        x_low: of the box in W [m], and so on.
-        y_low: [m].
-        x_high: [m].
-        y_high: [m].
+        x_low: least x of the box in W [m].
+        y_low: least y of the box in W [m].
+        x_high: greatest x of the box in W [m].
+        y_high: greatest y of the box in W [m].
     """
     rows, j0, j1 = cells_under(packed, x_low, y_low, x_high, y_high)
     total = 0
@@ -208,13 +208,23 @@ def near(packed: PackedTerrain, x_low: float, y_low: float, x_high: float, y_hig
 
 @njit(cache=True)
 def polygon_meets_box(
-    vertices: np.ndarray, count: int, R_WB: np.ndarray, p_WB: np.ndarray, low: np.ndarray, high: np.ndarray,
+    vertices: np.ndarray,
+    count: int,
+    R_WB: np.ndarray,
+    p_WB: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
     work: np.ndarray,
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether a planar polygon meets an oriented box (frame B, from `low` to `high` in B) by clipping.
 
     Args:
-        vertices: (K, 3) [m] in W; the first `count` are real.
+        vertices: (K, 3) corners of the polygon in W [m].
+        count: how many of them are real.
+        R_WB: (3, 3) axes of the box's frame B in W.
+        p_WB: (3,) origin of B in W [m].
+        low: (3,) lowest corner of the box in B [m].
+        high: (3,) greatest corner of the box in B [m].
         work: (2, K + 6, 3) scratch.
     """
     m = count
