@@ -39,6 +39,11 @@ class ReliabilityCurve:
 def reliability_curve(probability: np.ndarray, feasible: np.ndarray, bins: int = 15) -> ReliabilityCurve:
     """The curve over equally wide bins of (n,) probabilities beside (n,) truths.
 
+    Args:
+        probability: (n,) as predicted.
+        feasible: (n,) bool, as the program decided.
+        bins: how many.
+
     Raises:
         ValueError: nothing to make a curve of.
     """
@@ -57,6 +62,10 @@ def fit_platt(logit: np.ndarray, feasible: np.ndarray) -> tuple[float, float]:
 
     Newton's method on the log loss, with Platt's softened targets, which keep a and b finite where the logits separate
     the classes. With one class, or too little to go by, (1, 0): nothing is changed.
+
+    Args:
+        logit: (n,) of feasibility, before calibration.
+        feasible: (n,) bool, as the program decided.
     """
     logit, truth = np.asarray(logit, float), np.asarray(feasible, bool)
     positives, negatives = int(truth.sum()), int((~truth).sum())
@@ -90,6 +99,11 @@ def threshold_for_recall(probability: np.ndarray, feasible: np.ndarray, recall: 
     """The greatest probability p such that at least this share of the feasible transitions is predicted at p or above.
 
     0.5 where none is feasible.
+
+    Args:
+        probability: (n,) as predicted, calibrated.
+        feasible: (n,) bool, as the program decided.
+        recall: share of the feasible ones that has to be found, in (0, 1].
     """
     if not 0.0 < recall <= 1.0:
         raise ValueError(f"recall must lie in (0, 1], got {recall}")
@@ -115,7 +129,12 @@ class TrainingRange:
     limit: np.ndarray
 
     def distance(self, features: np.ndarray, category: np.ndarray) -> np.ndarray:
-        """(n,) distances over their limits: far where above 1, infinite where there were no data."""
+        """(n,) distances over their limits: far where above 1, infinite where there were no data.
+
+        Args:
+            features: (n, d) relative features.
+            category: (n,) 0..9 or `UNKNOWN`.
+        """
         out = np.full(len(features), np.inf, np.float32)
         _distance(np.ascontiguousarray(features, np.float32), category, self.mean, self._panels, self.limit, out)
         return out

@@ -45,7 +45,12 @@ class Dataset:
         return Dataset(self.table.take(pa.array(rows, pa.int64())), self.source)
 
     def view(self, column: str, value: object) -> Dataset:
-        """The rows with this value in a column: one category, one kind of ground."""
+        """The rows with this value in a column: one category, one kind of ground.
+
+        Args:
+            column: its name.
+            value: what it holds in the rows that are kept.
+        """
         self._require(column)
         return Dataset(self.table.filter(pc.field(column) == value), self.source)
 
@@ -64,7 +69,14 @@ class Dataset:
         return filled
 
     def split(self, seed: int = 0, *, validation: float = 0.1, test: float = 0.1, by: str = "scene") -> np.ndarray:
-        """(n,) TRAIN, VALIDATION or TEST, as `split_by_scene` has it."""
+        """(n,) TRAIN, VALIDATION or TEST, as `split_by_scene` has it.
+
+        Args:
+            seed: of the split.
+            validation: share of the scenes, in [0, 1).
+            test: share of the scenes, in [0, 1).
+            by: name of the column with the scene's number.
+        """
         return split_by_scene(self.array(by), seed, validation, test)
 
     def _require(self, column: str) -> None:
@@ -76,6 +88,12 @@ def split_by_scene(scene: np.ndarray, seed: int, validation: float = 0.1, test: 
     """(n,) TRAIN, VALIDATION or TEST; all rows of one scene fall in one part.
 
     The part of a scene depends on its number and the seed alone: more data do not move old scenes between parts.
+
+    Args:
+        scene: (n,) number of each row's scene.
+        seed: of the split.
+        validation: share of the scenes, in [0, 1).
+        test: share of the scenes, in [0, 1).
     """
     unique, index = np.unique(scene, return_inverse=True)
     draw = np.array([np.random.default_rng([seed, int(s)]).random() for s in unique])

@@ -113,6 +113,11 @@ class FitReport:
 def fit_report(surrogate: DynamicsSurrogate, data: LearningSet, part: int = TEST) -> FitReport:
     """Measures a surrogate on one part of the data.
 
+    Args:
+        surrogate: what to measure.
+        data: representatives and what the program said of them.
+        part: TRAIN, VALIDATION or TEST.
+
     Raises:
         ValueError: there are no rows in that part.
     """
@@ -194,7 +199,12 @@ def _facts(rows: tuple[CategoryFit, ...]) -> list[dict[str, Any]]:
 
 
 def balanced_accuracy(answer: np.ndarray, truth: np.ndarray) -> float:
-    """Mean of the shares of right answers in either class; NaN where there is only one."""
+    """Mean of the shares of right answers in either class; NaN where there is only one.
+
+    Args:
+        answer: (n,) bool, as predicted.
+        truth: (n,) bool, as the program decided.
+    """
     truth = np.asarray(truth, bool)
     if truth.all() or not truth.any():
         return float("nan")

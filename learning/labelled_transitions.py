@@ -105,7 +105,12 @@ class LearningSet:
     visited: np.ndarray
 
     def rows(self, part: int, category: int | None = None) -> np.ndarray:
-        """Indices of the rows of one part, and of one category where one is given."""
+        """Indices of the rows of one part, and of one category where one is given.
+
+        Args:
+            part: TRAIN, VALIDATION or TEST.
+            category: 0..9, None for all.
+        """
         chosen = self.part == part
         return np.flatnonzero(chosen if category is None else chosen & (self.representatives.category == category))
 
@@ -115,7 +120,13 @@ class LearningSet:
 
 
 def learning_set(labels: LabelledTransitions, seed: int = 0, frame: Frame = RELATIVE_FRAME) -> LearningSet:
-    """Labels brought to their representatives and split by scene; rows of unknown category are left out."""
+    """Labels brought to their representatives and split by scene; rows of unknown category are left out.
+
+    Args:
+        labels: transitions and what the program said of them.
+        seed: of the split.
+        frame: the frame F of the representatives.
+    """
     c = canonicalise(labels.batch, frame)
     if (c.category < 0).any():
         labels = labels.take(c.category >= 0)
@@ -131,6 +142,10 @@ def learning_set(labels: LabelledTransitions, seed: int = 0, frame: Frame = RELA
 
 def read_labels(folder: Path, robot: str) -> LabelledTransitions:
     """The rows of all shards that a dynamics campaign wrote, in order.
+
+    Args:
+        folder: of the campaign.
+        robot: name of the robot that the labels have to be of.
 
     Raises:
         InputError: as `read_dataset`, or labels of another robot.

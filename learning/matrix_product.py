@@ -44,7 +44,12 @@ def panels(B: np.ndarray) -> np.ndarray:
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """(n, columns) float32 product of (n, depth) and (depth, columns); for B that changes NumPy is faster."""
+    """(n, columns) float32 product of (n, depth) and (depth, columns); for B that changes NumPy is faster.
+
+    Args:
+        A: (n, depth).
+        B: (depth, columns).
+    """
     C = np.zeros((len(A), padded(B.shape[1])), np.float32)
     add_product(np.ascontiguousarray(A, np.float32), panels(B), 0, B.shape[0], C)
     return C[:, : B.shape[1]]

@@ -54,7 +54,12 @@ class TransitionNetwork(Protocol):
     def frame(self) -> Frame: ...
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
-        """Answers for representatives, of which `relative` holds the features of `relative_features.py` (n, d)."""
+        """Answers for representatives, of which `relative` holds the features of `relative_features.py` (n, d).
+
+        Args:
+            c: n representatives, in the frame of these networks.
+            relative: (n, d) their features of `relative_features.py`.
+        """
         ...
 
 
@@ -104,7 +109,12 @@ class SharedNetwork:
     frame: Frame = RELATIVE_FRAME
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
-        """See `TransitionNetwork`."""
+        """See `TransitionNetwork`.
+
+        Args:
+            c: n representatives, in the frame of these networks.
+            relative: (n, d) their features of `relative_features.py`.
+        """
         y, n = self.mean_of_members(relative), len(relative)
         answer = NetworkAnswer(np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3)))
         _read(y, self.low, self.high, c.feet_after, answer)
@@ -132,7 +142,12 @@ class DocumentedNetworks:
     frame: Frame = "heading"
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
-        """See `TransitionNetwork`; categories without networks are answered as infeasible."""
+        """See `TransitionNetwork`; categories without networks are answered as infeasible.
+
+        Args:
+            c: n representatives, in the frame of these networks.
+            relative: (n, d) their features of `relative_features.py`.
+        """
         n = len(c.category)
         logit, regressed = np.full(n, -np.inf, np.float32), np.zeros((n, NUM_REGRESSED), np.float32)
         logit[c.category < 0] = 0.0

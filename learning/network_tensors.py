@@ -34,6 +34,10 @@ def network_tensors(network: TransitionNetwork) -> dict[str, np.ndarray]:
 def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> TransitionNetwork:
     """The inverse of `network_tensors`, for kind "palms", "shared" or "documented".
 
+    Args:
+        kind: of the arrangement.
+        tensors: float32 arrays by name.
+
     Raises:
         ValueError: arrays are missing, have shapes that do not fit each other or this code's features, or another kind.
     """

@@ -36,6 +36,11 @@ class PackedNetwork:
     ) -> PackedNetwork:
         """Packs the members' weights, each (inputs, outputs) a layer, their biases (outputs,), and linear paths.
 
+        Args:
+            weights: of each of M members, an array (inputs, outputs) a layer.
+            biases: of each member, an array (outputs,) a layer.
+            skips: of each member, its linear path (inputs, outputs), or None.
+
         Raises:
             ValueError: members of different shapes.
         """
@@ -68,7 +73,16 @@ class PackedNetwork:
 
 @njit(cache=True)
 def forward(x: np.ndarray, widths: np.ndarray, members: int, linear: bool, values: np.ndarray, y: np.ndarray) -> None:
-    """Answers for x (n, inputs) into y (n, padded(outputs)), see `PackedNetwork`; what is beyond the outputs is 0."""
+    """Answers for x (n, inputs) into y (n, padded(outputs)), see `PackedNetwork`; what is beyond the outputs is 0.
+
+    Args:
+        x: (n, inputs) float32.
+        widths: (L + 2,) of every layer, inputs and outputs among them.
+        members: how many networks are averaged.
+        linear: whether there is a linear path.
+        values: float32, all weights in the order of `PackedNetwork.values`.
+        y: (n, padded(outputs)) float32, written here.
+    """
     n, layers, at = len(x), len(widths) - 1, 0
     _fill(y, np.zeros(y.shape[1], np.float32))
     for _ in range(members):

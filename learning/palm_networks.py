@@ -31,7 +31,12 @@ class PalmNetworks:
     frame: Frame = RELATIVE_FRAME
 
     def answer(self, c: CanonicalTransitions, relative: np.ndarray) -> NetworkAnswer:
-        """See `learning.network.TransitionNetwork`."""
+        """See `learning.network.TransitionNetwork`.
+
+        Args:
+            c: n representatives, in the frame of these networks.
+            relative: (n, d) their features of `relative_features.py`.
+        """
         palms = PALMS[c.category]  # rows of unknown category may go anywhere
         if len(palms) and (palms == palms[0]).all():
             return self.networks[palms[0]].answer(c, relative)

@@ -113,7 +113,12 @@ def shard_paths(folder: Path) -> dict[int, Path]:
 
 
 def encode_shard(table: pa.Table, header: ShardHeader) -> bytes:
-    """The bytes of the file: the same for the same rows and header, whoever writes them."""
+    """The bytes of the file: the same for the same rows and header, whoever writes them.
+
+    Args:
+        table: the rows.
+        header: where they come from.
+    """
     described = table.replace_schema_metadata(
         {HEADER_KEY: json.dumps({"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(header)}, sort_keys=True)}
     )

@@ -104,7 +104,12 @@ class DynamicsSurrogate:
         return prediction
 
     def predict_canonical(self, c: CanonicalTransitions, relative: np.ndarray) -> TransitionPrediction:
-        """The same for representatives and their relative features; friction is not looked at."""
+        """The same for representatives and their relative features; friction is not looked at.
+
+        Args:
+            c: n representatives, in the network's frame.
+            relative: (n, d) their features of `relative_features.py`.
+        """
         n = len(c.category)
         says, distance = self.network.answer(c, relative), self.range.distance(relative, c.category)
         prediction = TransitionPrediction(
@@ -172,6 +177,11 @@ def _read(robot: Robot, place: Path, *, packaged: bool) -> tuple[dict[str, np.nd
 
 def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: Robot) -> DynamicsSurrogate:
     """The surrogate that these arrays and this card describe.
+
+    Args:
+        tensors: float32 arrays by name, as `DynamicsSurrogate.tensors` gives them.
+        card: what was written beside them.
+        robot: which they have to be of.
 
     Raises:
         WeightsError: features, shapes or robot do not fit.

@@ -118,7 +118,12 @@ class CanonicalTransitions(NamedTuple):
 
 
 def canonicalise(batch: TransitionBatch, frame: Frame = "heading") -> CanonicalTransitions:
-    """Brings every transition to the representative of its class (see the top of the file)."""
+    """Brings every transition to the representative of its class (see the top of the file).
+
+    Args:
+        batch: n transitions in W.
+        frame: which frame F, see the top of the file.
+    """
     n = len(batch)
     c = CanonicalTransitions(
         category=np.full(n, UNKNOWN, np.int64),
@@ -162,7 +167,12 @@ def documented_feature_names(category: int) -> tuple[str, ...]:
 
 
 def documented_features(c: CanonicalTransitions, category: int) -> np.ndarray:
-    """(m, d) documented inputs of the m rows of this category, in their order; angles in [-pi, pi)."""
+    """(m, d) documented inputs of the m rows of this category, in their order; angles in [-pi, pi).
+
+    Args:
+        c: representatives, in frame "heading".
+        category: 0..9.
+    """
     rows = np.flatnonzero(c.category == category)
     slots = np.array(_SLOTS_OF_CATEGORY[category])
     pose = np.concatenate([c.p[rows][:, slots], tait_bryan(c.R[rows][:, slots])], axis=2)

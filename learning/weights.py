@@ -61,6 +61,10 @@ def write_weights(folder: Path, name: str, tensors: Mapping[str, np.ndarray], ca
 def read_weights(folder: Path, name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays and card.
 
+    Args:
+        folder: where both files are.
+        name: of both files.
+
     Raises:
         NoWeightsError: neither file exists.
         WeightsError: one is missing, truncated, foreign, of another version, does not fit the other, or holds NaN.

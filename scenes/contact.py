@@ -67,6 +67,11 @@ def contact_rotation(effector: str, normal: np.ndarray, heading: float) -> np.nd
     """(3, 3) R_WC: z along the surface normal, x the heading (feet) or the world's up (palms) projected on it.
 
     On a nearly level surface up says nothing, and a palm's fingers point along the heading.
+
+    Args:
+        effector: name of the end effector.
+        normal: (3,) outward unit normal of the surface in W.
+        heading: yaw of the contact in W [rad].
     """
     forward = np.array([np.cos(heading), np.sin(heading), 0.0])
     if not is_foot(effector) and abs(normal[2]) < NEAR_LEVEL:
@@ -77,7 +82,14 @@ def contact_rotation(effector: str, normal: np.ndarray, heading: float) -> np.nd
 
 
 def contact_pose(effector: str, point: np.ndarray, normal: np.ndarray, heading: float) -> np.ndarray:
-    """(4, 4) X_WC of an end effector placed at `point` [m] on a surface with this outward normal."""
+    """(4, 4) X_WC of an end effector placed at `point` [m] on a surface with this outward normal.
+
+    Args:
+        effector: name of the end effector.
+        point: (3,) contact point in W [m].
+        normal: (3,) outward unit normal of the surface in W.
+        heading: yaw of the contact in W [rad].
+    """
     X_WC = np.eye(4)
     X_WC[:3, :3] = contact_rotation(effector, np.asarray(normal, float), heading)
     X_WC[:3, 3] = point

@@ -99,6 +99,10 @@ class PushDistribution:
 def pushes_at(disturbances: Sequence[Disturbance], point: np.ndarray) -> PushDistribution:
     """What may happen at a point (3,) in W [m]; the sets of regions that overlap are put together.
 
+    Args:
+        disturbances: of the scene.
+        point: (3,) where the centre of mass is, in W [m].
+
     Raises:
         InputError: their probabilities add up to more than one there.
     """
@@ -159,6 +163,12 @@ def sample_pushes(
 
     Two numbers are drawn for every interval, whatever happens in it, so that a way that is changed in one place
     keeps its pushes elsewhere.
+
+    Args:
+        disturbances: of the scene.
+        t: (N,) times, ascending [s].
+        com: (N, 3) where the centre of mass is in W; row n holds from t[n] to t[n + 1] [m].
+        rng: source of the draws.
     """
     dt = _steps(t, com)
     draws = rng.random((len(dt), 2))

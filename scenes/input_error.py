@@ -17,7 +17,13 @@ class InputError(ValueError):
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> InputError:
-    """An `InputError` for a name that is not among `known`, with the nearest ones."""
+    """An `InputError` for a name that is not among `known`, with the nearest ones.
+
+    Args:
+        kind: what the name should name, for the message.
+        name: as the user wrote it.
+        known: the names there are.
+    """
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names
     return InputError(f"unknown {kind} {name!r}: did you mean {', '.join(near)}?")

@@ -34,7 +34,12 @@ def rotation_rpy(R: np.ndarray) -> np.ndarray:
 
 
 def pose_matrix(xyz: Sequence[float] | np.ndarray, rpy: Sequence[float] | np.ndarray) -> np.ndarray:
-    """(4, 4) pose of a frame at xyz [m] turned by rpy [rad]."""
+    """(4, 4) pose of a frame at xyz [m] turned by rpy [rad].
+
+    Args:
+        xyz: (3,) origin of the frame [m].
+        rpy: (3,) roll, pitch and yaw [rad], as Drake's RollPitchYaw.
+    """
     X = np.eye(4)
     X[:3, :3] = rpy_rotation(rpy)
     X[:3, 3] = xyz

@@ -33,7 +33,12 @@ class Stance:
         return tuple(c for c in self.contacts if c is not None)
 
     def replace(self, effector: int, contact: Contact | None) -> Stance:
-        """The stance after this end effector (index into `EFFECTORS`) makes, moves or breaks its contact."""
+        """The stance after this end effector (index into `EFFECTORS`) makes, moves or breaks its contact.
+
+        Args:
+            effector: index into `EFFECTORS`.
+            contact: what it holds afterwards, None for nothing.
+        """
         contacts = list(self.contacts)
         contacts[effector] = contact
         return Stance(tuple(contacts))
@@ -48,6 +53,10 @@ class Stance:
 
 def changed_effector(before: Stance, after: Stance) -> int:
     """Index of the one end effector in which two consecutive stances differ.
+
+    Args:
+        before: the first stance.
+        after: the second stance.
 
     Raises:
         ValueError: they differ in none or in more than one.

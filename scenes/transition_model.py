@@ -34,6 +34,11 @@ class TransitionModel:
     def read(steps_file: Path, name: str, rays_file: Path | None = None) -> TransitionModel:
         """A model of one's own from files of the form of those in scenes/data.
 
+        Args:
+            steps_file: YAML, foot placements [m, m, deg] by name of the model.
+            name: of the model.
+            rays_file: YAML, directions in which palms are looked for; None for those of the package.
+
         Raises:
             InputError: unreadable, unknown name or rows that are not [x, y, yaw].
         """

@@ -115,6 +115,8 @@ def learning_curve(
     """Trains on each share, in a folder of its own; a run that was killed goes on where it was.
 
     Args:
+        labels: transitions and what the program said of them.
+        robot: whose they are.
         out: gets a folder `share_<share>` for each.
         options: of the training on all scenes; smaller shares take more epochs.
         tell: called with the share after each epoch.
@@ -143,6 +145,11 @@ def share_of_scenes(scene: np.ndarray, share: float, seed: int) -> np.ndarray:
     """(n,) bool: all rows of the validation and test scenes, and those of about this share of the training scenes.
 
     Whether a scene is in depends on its number, the share and the seed alone, and a scene of one share is in every larger one.
+
+    Args:
+        scene: (n,) number of each row's scene.
+        share: of the training scenes, in (0, 1].
+        seed: of the split.
     """
     unique, index = np.unique(scene, return_inverse=True)
     draw = np.array([np.random.default_rng([seed, int(s), 1]).random() for s in unique])
@@ -150,7 +157,12 @@ def share_of_scenes(scene: np.ndarray, share: float, seed: int) -> np.ndarray:
 
 
 def fit_power_law(rows: np.ndarray, error: np.ndarray) -> PowerLaw:
-    """Least squares through the logarithms of the positive errors (n,) over rows (n,)."""
+    """Least squares through the logarithms of the positive errors (n,) over rows (n,).
+
+    Args:
+        rows: (n,) how many rows were trained on.
+        error: (n,) what was measured then.
+    """
     some = np.isfinite(error) & (error > 0) & (rows > 0)
     if len(np.unique(rows[some])) < 2:
         return PowerLaw(float("nan"), float("nan"))

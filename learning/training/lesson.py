@@ -95,7 +95,12 @@ class Lesson:
 
 
 def lessons(data: LearningSet, options: TrainingOptions) -> list[Lesson]:
-    """One lesson for each network of this kind; documented ones only where there is something to learn from."""
+    """One lesson for each network of this kind; documented ones only where there is something to learn from.
+
+    Args:
+        data: representatives and what the program said of them.
+        options: which kind of networks, and how large.
+    """
     if options.kind == "shared":
         every = np.ones(len(data.feasible), bool)
         return [_shared(data, every, f"member{k}", options.dear) for k in range(options.members)]
@@ -114,7 +119,12 @@ def lessons(data: LearningSet, options: TrainingOptions) -> list[Lesson]:
 
 
 def fold_scaling(lesson: Lesson, mlp: Mlp) -> Mlp:
-    """The network on features as they are and answers in SI units, from one on scaled ones."""
+    """The network on features as they are and answers in SI units, from one on scaled ones.
+
+    Args:
+        lesson: holds means and scales of inputs and outputs.
+        mlp: the network on scaled ones.
+    """
     mean, spread = lesson.input_scaling()
     weights = [np.array(W, float) for W in mlp.weights]
     biases = [np.array(b, float) for b in mlp.biases]
@@ -158,7 +168,12 @@ def with_turned_angles(x: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, n
 
 
 def palms_name(palms: int, member: int) -> str:
-    """Name of a network of kind "palms" in the weight file."""
+    """Name of a network of kind "palms" in the weight file.
+
+    Args:
+        palms: how many are held, 0 to 2.
+        member: number of the network among those that are averaged.
+    """
     return f"palms{palms}_member{member}"
 
 

@@ -78,6 +78,13 @@ def train_dynamics(
     A run that was killed is taken up from its last epoch when it is started again with the same data and options, and
     writes the same bytes.
 
+    Args:
+        labels: transitions and what the program said of them.
+        robot: whose they are.
+        out: folder, made where it is missing.
+        options: of networks and training.
+        tell: called after each epoch.
+
     Raises:
         InputError: labels of another model of the robot, too few scenes to hold any out, or no feasible transition to learn from.
     """
@@ -109,7 +116,15 @@ def calibrated(
     network: TransitionNetwork, data: LearningSet, recall: float, friction: tuple[float, float],
     card: dict[str, Any],
 ) -> DynamicsSurrogate:  # fmt: skip
-    """The surrogate of a network: probabilities, thresholds and limits from the validation scenes."""
+    """The surrogate of a network: probabilities, thresholds and limits from the validation scenes.
+
+    Args:
+        network: as trained.
+        data: representatives and what the program said of them.
+        recall: share of the feasible transitions that has to be found, in (0, 1].
+        friction: least and greatest coefficient in the labels [-].
+        card: what is written beside the weights.
+    """
     rows = data.rows(VALIDATION)
     c, truth = data.representatives.take(rows), data.feasible[rows]
     logit = np.asarray(network.answer(c, data.relative[rows]).logit, float)

@@ -64,7 +64,14 @@ class _Net(torch.nn.Module):
 
 
 def teach(lesson: Lesson, options: TrainingOptions, folder: Path, tell: Tell) -> Taught:
-    """Trains to the last epoch, from the checkpoint in `folder` where there is one of the same lesson and options."""
+    """Trains to the last epoch, from the checkpoint in `folder` where there is one of the same lesson and options.
+
+    Args:
+        lesson: scaled inputs and outputs, and the shape of the network.
+        options: of networks and training.
+        folder: of the checkpoints.
+        tell: called after each epoch with name, epoch, loss and validation loss.
+    """
     torch.set_num_threads(1)  # sums in one order: the same bytes every time
     torch.use_deterministic_algorithms(True)
     net = _Net(lesson, options)

@@ -129,6 +129,10 @@ class SceneEntry(_Strict):
 def parse_scene(data: object, source: str) -> SceneEntry:
     """The entries of a scene file that has been read into plain data.
 
+    Args:
+        data: what the YAML text holds: mappings, lists, numbers and texts.
+        source: the file's name, for errors.
+
     Raises:
         InputError: one line with the source, the key and what was expected there.
     """

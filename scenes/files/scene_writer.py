@@ -26,6 +26,10 @@ from scenes.terrain.terrain import Box, Terrain, TriangleMesh
 def write_scene(scene: Scene, path: str | Path) -> None:
     """Writes a scene file that `read_scene` turns into the same scene; whole or not at all.
 
+    Args:
+        scene: what to write; its notes are not part of it.
+        path: of the file; mesh files are named from its folder.
+
     Raises:
         InputError: the file cannot be written, or `scene_to_yaml` cannot say the scene.
     """

@@ -14,6 +14,10 @@ from scenes.input_error import InputError
 def write_whole(path: str | Path, content: bytes) -> None:
     """Writes a file in one step: whoever looks at `path` sees the old file or the whole new one.
 
+    Args:
+        path: of the file, in a folder that exists.
+        content: all of it.
+
     Raises:
         InputError: the file cannot be written there.
     """

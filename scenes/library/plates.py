@@ -15,12 +15,26 @@ MAX_RISE = 0.05  # [m] height of a stone's centre over or under the platforms
 
 
 def level_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: float = 0.0) -> Surface:
-    """A level rectangle, face up, between two x and two y at height z [m]."""
+    """A level rectangle, face up, between two x and two y at height z [m].
+
+    Args:
+        name: of the surface.
+        x: least and greatest x in W [m].
+        y: least and greatest y in W [m].
+        z: height in W [m].
+    """
     return Surface(name, np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]]), FRICTION)
 
 
 def wall_plate(name: str, x: tuple[float, float], y: float, z: tuple[float, float]) -> Surface:
-    """An upright rectangle along x at this y, its face turned to the line y = 0 [m]."""
+    """An upright rectangle along x at this y, its face turned to the line y = 0 [m].
+
+    Args:
+        name: of the surface.
+        x: least and greatest x in W [m].
+        y: where the wall stands in W [m].
+        z: least and greatest height in W [m].
+    """
     corners = np.array([[x[0], y, z[0]], [x[1], y, z[0]], [x[1], y, z[1]], [x[0], y, z[1]]])
     return Surface(name, corners if y > 0 else corners[::-1], FRICTION)
 
@@ -29,6 +43,11 @@ def tilt_rotation(roll: float, pitch: float, yaw: float = 0.0) -> np.ndarray:
     """(3, 3) rotation Rx(roll) Ry(pitch) Rz(yaw) [rad], the order in which the published scenes are tilted.
 
     It is not Drake's RollPitchYaw, which is Rz Ry Rx.
+
+    Args:
+        roll: about x [rad].
+        pitch: about y [rad].
+        yaw: about z [rad].
     """
     (sr, sp, sy), (cr, cp, cy) = np.sin((roll, pitch, yaw)), np.cos((roll, pitch, yaw))
     return np.array(
@@ -57,7 +76,12 @@ def tilted_plate(
 
 
 def rectangle(length: float, width: float) -> np.ndarray:
-    """(4, 2) corners of a rectangle about the origin, length along x and width along y [m]."""
+    """(4, 2) corners of a rectangle about the origin, length along x and width along y [m].
+
+    Args:
+        length: along x [m].
+        width: along y [m].
+    """
     return np.array([[-length, -width], [length, -width], [length, width], [-length, width]]) / 2
 
 

@@ -38,7 +38,12 @@ class Bodies:
         self.high = np.maximum.reduceat(triangles.max(axis=1)[order], starts)
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(K,) bool, the triangles of the bodies whose boxes meet the box from low to high (3,) [m]."""
+        """(K,) bool, the triangles of the bodies whose boxes meet the box from low to high (3,) [m].
+
+        Args:
+            low: (3,) lowest corner of the box [m].
+            high: (3,) greatest corner of the box [m].
+        """
         return np.all((self.low <= high) & (self.high >= low), axis=1)[self.body]
 
     def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -49,7 +54,12 @@ class Bodies:
         return edge, faces, np.bincount(edge, weights=np.where(ends[:, 0] < ends[:, 1], 1, -1))
 
     def without(self, edge: np.ndarray, bad: np.ndarray) -> np.ndarray:
-        """(count,) bool, the bodies none of whose edges is marked in `bad`."""
+        """(count,) bool, the bodies none of whose edges is marked in `bad`.
+
+        Args:
+            edge: (3 K,) edge number of each side of each triangle, as `edges` gives them.
+            bad: (edges,) bool.
+        """
         clean = np.ones(self.count, bool)
         clean[np.repeat(self.body, 3)[bad[edge]]] = False
         return clean

@@ -298,7 +298,13 @@ class _Model:
 
 
 def touching_pairs(urdf: Path, nominal: Mapping[str, float], distance: float) -> set[tuple[str, str]]:
-    """Names of bodies nearer to each other than `distance` [m] with the joints at `nominal` [rad] and else 0."""
+    """Names of bodies nearer to each other than `distance` [m] with the joints at `nominal` [rad] and else 0.
+
+    Args:
+        urdf: the model file.
+        nominal: joint angles by name [rad]; other joints stand at 0.
+        distance: bodies nearer than this are named [m].
+    """
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
     from pydrake.systems.framework import DiagramBuilder

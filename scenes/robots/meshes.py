@@ -37,7 +37,12 @@ def hull_obj(points: np.ndarray) -> str:
 
 
 def visual_obj(path: Path, scale: np.ndarray) -> tuple[str, tuple[float, ...]]:
-    """A mesh file as OBJ text with `scale` (3,) applied, and one colour for all of it (RGBA)."""
+    """A mesh file as OBJ text with `scale` (3,) applied, and one colour for all of it (RGBA).
+
+    Args:
+        path: of the mesh file.
+        scale: (3,) factors along the mesh's axes.
+    """
     triangles = read_mesh(path) * scale
     vertices, faces = np.unique(np.round(triangles.reshape(-1, 3), 6), axis=0, return_inverse=True)
     faces = faces.reshape(-1, 3)
@@ -63,7 +68,12 @@ def mean_colour(path: Path) -> tuple[float, ...]:
 
 
 def points_of(path: Path, scale: np.ndarray) -> np.ndarray:
-    """(N, 3) vertices of a mesh file [m]."""
+    """(N, 3) vertices of a mesh file [m].
+
+    Args:
+        path: of the mesh file.
+        scale: (3,) factors along the mesh's axes.
+    """
     points = read_mesh(path).reshape(-1, 3) * scale
     if np.ptp(points, axis=0).max() > 10.0:
         raise InputError(f"{path}: a part of a robot that is more than 10 m long; is it in millimetres?")
@@ -71,7 +81,12 @@ def points_of(path: Path, scale: np.ndarray) -> np.ndarray:
 
 
 def obj_text(vertices: np.ndarray, faces: Sequence[Sequence[int]] | np.ndarray) -> str:
-    """Vertices (N, 3) and triangles (F, 3) as OBJ text."""
+    """Vertices (N, 3) and triangles (F, 3) as OBJ text.
+
+    Args:
+        vertices: (N, 3) [m].
+        faces: (F, 3) indices of vertices, from 0.
+    """
     lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in vertices]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
     return "\n".join(lines) + "\n"

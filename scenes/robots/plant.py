@@ -178,7 +178,13 @@ def _is_near(pieces: np.ndarray, near: np.ndarray | None) -> np.ndarray:
 
 
 def prism(face: np.ndarray, normal: np.ndarray, depth: float = THICKNESS) -> np.ndarray:
-    """(2K, 3) vertices of the prism from a convex face (K, 3) to `depth` [m] behind it, against its normal (3,)."""
+    """(2K, 3) vertices of the prism from a convex face (K, 3) to `depth` [m] behind it, against its normal (3,).
+
+    Args:
+        face: (K, 3) corners of the convex face in W [m].
+        normal: (3,) its outward unit normal in W.
+        depth: of the prism [m].
+    """
     return np.concatenate([face, face - depth * normal])
 
 
