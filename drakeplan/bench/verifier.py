@@ -25,6 +25,7 @@ TARGETS = {
     "linear momentum of model, RMS": 2.0,
     "angular momentum of model": 6.0,
     "angular momentum of model, RMS": 2.0,
+    "angular momentum of model, median": 1.0,
     "joint torques": 1.0,
 }
 MAX_SEEDS = 5
@@ -38,7 +39,9 @@ OPTIONS = {
     "hpp/darpa": PlanOptions(start=(-3.6, 0.0, 0.0), goal=(3.9, 0.0)),
 }
 ONCE = ("wide_gap in one stride", "hpp/darpa")  # beside the named scenes
-OTHER_ROBOTS = tuple(("jvrc1", name) for name in ("flat", "stairs", "rubble_field", "rubble_corridor", "wide_gap"))
+OTHER_ROBOTS = tuple(
+    ("jvrc1", name) for name in ("flat", "stairs", "rubble_field", "rubble_corridor", "wide_gap", "tilted_slab")
+)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .limits import ANGULAR, ANGULAR_RMS, COM, LINEAR, LINEAR_RMS, TORQUE
+from .limits import ANGULAR, ANGULAR_MEDIAN, ANGULAR_RMS, COM, LINEAR, LINEAR_RMS, TORQUE
 from .plan_file import PlanFile
 from .report import Sheet
 from .robot import RobotModel
@@ -45,6 +45,8 @@ def check_dynamics(sheet: Sheet, plan: PlanFile, robot: RobotModel, track: Track
         gap = off(model, name.replace(" ", "_"))
         sheet.add(f"{name} of model", gap, worst, unit, at)
         sheet.add(f"{name} of model, RMS", np.sqrt(np.mean(gap**2)), rms, unit, "all frames")
+        if name == "angular momentum":
+            sheet.add(f"{name} of model, median", np.median(gap), ANGULAR_MEDIAN, unit, "all frames")
     share = np.abs(track.torque) / robot.effort
 
     def joint(index: tuple[int, ...]) -> str:

@@ -11,11 +11,20 @@ from drakeplan.bench.table import BenchOptions
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import PlanResult
 from drakeplan.verifier import Check, Report
-from drakeplan.verifier.limits import ACCELERATION, ANGULAR, ANGULAR_RMS, LINEAR, LINEAR_RMS, TORQUE, VELOCITY
+from drakeplan.verifier.limits import (
+    ACCELERATION,
+    ANGULAR,
+    ANGULAR_MEDIAN,
+    ANGULAR_RMS,
+    LINEAR,
+    LINEAR_RMS,
+    TORQUE,
+    VELOCITY,
+)
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 
-LIMITS = (VELOCITY, ACCELERATION, LINEAR, LINEAR_RMS, ANGULAR, ANGULAR_RMS, TORQUE)
+LIMITS = (VELOCITY, ACCELERATION, LINEAR, LINEAR_RMS, ANGULAR, ANGULAR_RMS, ANGULAR_MEDIAN, TORQUE)
 
 
 def planned(scene: Scene, robot: Robot, options: PlanOptions) -> PlanResult:

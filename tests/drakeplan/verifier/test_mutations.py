@@ -170,15 +170,16 @@ def both(*corruptions: Corruption) -> Corruption:
 
 frame, knot = np.s_[200], np.s_[40]
 PALMS_FREE = 7.1, 9.7  # [s] while both palms are in the air
+SWING = 0.52  # [rad] of the shoulders
 MOTION = {
     "joint accelerations",
-    *(f"{kind} momentum of model{part}" for kind in ("linear", "angular") for part in ("", ", RMS")),
+    *(f"{kind} momentum of model{part}" for kind in ("linear", "angular") for part in ("", ", RMS", ", median")),
 }
 # Smooth motions with the velocities that belong to them: no other check catches these.
 SMOOTH_MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
-    "both shoulders swung in antiphase": (
+    "both shoulders swung in antiphase for a while": (
         oscillate({"left_shoulder_pitch_q": 0.9, "right_shoulder_pitch_q": -0.9}, 18.0, *PALMS_FREE),
-        {"angular momentum of model", "angular momentum of model, RMS"},
+        {"angular momentum of model, RMS"},
     ),
     "a base that shakes by 4.5 mm": (
         oscillate({"pelvis_x": 0.0045}, 110.0, 0.1, 9.7),
@@ -280,6 +281,10 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
         add("centroidal/linear_momentum", (knot, 0), 45.0),
         {"linear momentum of model", "newton"},
     ),
+    "a turn that the model does not make": (
+        add("centroidal/angular_momentum", (knot, 2), 18.0),
+        {"angular momentum of model", "euler"},
+    ),
     "spin out of nothing": (add("centroidal/angular_momentum", (knot, 2), 0.5), {"euler"}),
     # motion
     "a base that floats": (add("motion/q", (..., 6), 0.02), {"held contacts stay"}),
@@ -299,6 +304,10 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     "a pillar in the way": (pillar_at(0.2, 0.3), {"terrain collision"}),
     "a low ceiling": (plate("[[-1, -1, 1.3], [-1, 1, 1.3], [1, 1, 1.3], [1, -1, 1.3]]"), {"terrain collision"}),
     "feet that push each other apart beyond the hips' torque": (push(1000.0), {"joint torques", "wrench in true cone"}),
+    "both shoulders swung in antiphase all the time": (
+        oscillate({"left_shoulder_pitch_q": SWING, "right_shoulder_pitch_q": -SWING}, 12.0, 0.1, 9.7),
+        {"angular momentum of model, median"},
+    ),
     **SMOOTH_MUTATIONS,
     # where it starts and ends
     "another start": (scene("start: {xyz: [0, 0, 0]", "start: {xyz: [0.2, 0, 0]"), {"start"}),
@@ -343,10 +352,10 @@ def test_a_smooth_corruption_is_caught_by_momenta_or_accelerations_alone(good: P
     assert expected <= set(report.failed) <= MOTION, report.table()
 
 
-def test_shoulders_swung_in_antiphase_are_caught_where_they_change_the_angular_momentum_by_2_9(
+def test_shoulders_that_swing_in_antiphase_all_the_time_are_caught_where_they_add_2_9_to_the_angular_momentum(
     good: Path, tmp_path: Path
 ) -> None:
-    swing = oscillate({"left_shoulder_pitch_q": 0.58, "right_shoulder_pitch_q": -0.58}, 12.0, *PALMS_FREE)
+    swing = oscillate({"left_shoulder_pitch_q": SWING, "right_shoulder_pitch_q": -SWING}, 12.0, 0.1, 9.7)
     path = Path(shutil.copy(good, tmp_path / "bad.h5"))
     with h5py.File(path, "r+") as file:
         swing(file)
@@ -354,8 +363,7 @@ def test_shoulders_swung_in_antiphase_are_caught_where_they_change_the_angular_m
     robot = RobotModel(Path(before.attributes["robot_model"]))
     change = follow(robot, after, []).angular - follow(robot, before, []).angular
     assert np.linalg.norm(change, axis=1).max() == pytest.approx(2.9, abs=0.1)  # [N m s]
-    report = verify(path)
-    assert report.failed == ("angular momentum of model, RMS",), report.table()
+    assert "angular momentum of model, median" in verify(path).failed
 
 
 def test_no_check_is_without_a_corruption_that_it_catches(verdict: Report) -> None:
