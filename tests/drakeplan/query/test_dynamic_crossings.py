@@ -55,4 +55,4 @@ def test_the_published_slope_at_its_own_timing_needs_the_diamond_and_is_refused_
     result = crossed(steep_slope.named(length=1.5), "diamond", Timing())
     assert result.status == "contacts"
     assert "wrench in true cone" in result.reason
-    assert any("diamond admits what real friction does not" in note for note in result.notes)
+    assert any("diamond is up to 1.41 times larger than real friction" in note for note in result.notes)
