@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
+from drakeplan.contact_planning.torso_grid import TorsoGrid
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.footholds.start_stance import check_goal, start_stance
@@ -61,6 +64,12 @@ class QueryContext:
             InputError: the scene has no goal, or no ground takes a sole near it.
         """
         return check_goal(self.scene, self.packed, self.robot)
+
+    @cached_property
+    def torso_grid(self) -> TorsoGrid:
+        """Distances of the torso to the goal; it grows on demand, and what has grown serves every attempt."""
+        goal = self.goal
+        return TorsoGrid(self.packed, self.robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
 
     @cached_property
     def scene_on_ground(self) -> Scene:

@@ -161,6 +161,9 @@ def run(arguments: Arguments) -> int:
 
 
 def _check_arguments(arguments: Arguments) -> None:
+    if arguments.planner not in PLANNERS:
+        known = ", ".join(PLANNERS)
+        raise InputError(f"drakeplan plan: --planner: unknown {arguments.planner!r}: expected one of {known}")
     if arguments.seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {arguments.seed}")
     if arguments.expansions is not None and arguments.expansions < 1:

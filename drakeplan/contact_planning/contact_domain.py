@@ -65,6 +65,7 @@ class ContactDomain:
         check: TransitionCheck,
         options: PlannerOptions,
         weights: PlannerWeights,
+        grid: TorsoGrid | None = None,
     ) -> None:
         """Prepares the domain.
 
@@ -76,6 +77,7 @@ class ContactDomain:
             options: heuristic, palms, transition model; with dynamics other than quasi-static a foot may be lifted where
                 the rest cannot carry the weight.
             weights: of the edge cost (Lin 2020 eq. 3.2).
+            grid: of this terrain, robot and goal, where there is one already.
         """
         self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
         self.pool: ContactPool = check.pool
@@ -83,7 +85,7 @@ class ContactDomain:
         self.rejections: Counter[str] = Counter()
         self._forbidden: set[tuple[int, ...]] = set()
         self._blamed: list[int] = []
-        self.grid = TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
+        self.grid = grid or TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
         self._heuristic_name = options.heuristic
         self._palms = (0, 1) if options.use_palms else ()

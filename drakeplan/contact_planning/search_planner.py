@@ -83,7 +83,7 @@ class SearchPlanner:
         self._pool = ContactPool(context.packed)
         self.check = TransitionCheck(self._pool, context.robot, context.ik, context.packed, context.cone)
         self.domain = ContactDomain(
-            context.packed, context.robot, context.goal, self.check, options, self.settings.weights
+            context.packed, context.robot, context.goal, self.check, options, self.settings.weights, context.torso_grid
         )
         held = tuple(-1 if c is None else self._pool.add_contact(c) for c in start.contacts)
         self._start_state: State = (*held, -1)

@@ -35,7 +35,7 @@ def test_hpp_names_lead_to_the_installed_meshes():
         ("", "expected a scene name, a scene file or a mesh file"),
         ("missing.yaml", "missing.yaml: no such file"),
         ("missing.stl", "missing.stl: no such mesh file"),
-        ("/", "is not a plain file"),
+        ("/", "not a regular file"),
         ("a\0b", "unknown scene"),
     ],
 )

@@ -68,11 +68,11 @@ def test_a_terrain_on_its_side_is_refused_and_its_turned_twin_is_not(tmp_path):
 
 def test_a_mesh_with_nothing_to_stand_on_is_no_scene(tmp_path):
     file = slab(tmp_path, (1.0, 0.03, 0.01), "rail.stl")  # narrower than anything fits on
-    with pytest.raises(InputError, match="expected ground to stand on"):
+    with pytest.raises(InputError, match="no surface to stand on"):
         load_scene(str(file))
     pyramid = trimesh.creation.cone(0.3, 2.0, sections=4)
     pyramid.export(tmp_path / "spire.stl")
-    with pytest.raises(InputError, match="expected ground to stand on"):
+    with pytest.raises(InputError, match="no surface to stand on"):
         load_scene(str(tmp_path / "spire.stl"))
 
 
