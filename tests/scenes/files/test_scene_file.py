@@ -210,7 +210,7 @@ def test_without_its_triangles_a_mesh_surface_is_a_plate_and_that_is_said(meshed
 def test_a_mesh_that_came_from_no_file_cannot_be_written_as_one():
     mesh = TriangleMesh("rock", np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], float))
     terrain = Terrain(load_scene("flat").terrain.surfaces, (mesh,))
-    with pytest.raises(InputError, match="'rock' came from no file"):
+    with pytest.raises(InputError, match="'rock' has no file"):
         scene_to_yaml(Scene("rocky", terrain))
     assert "rock" not in scene_to_yaml(Scene("rocky", terrain), meshes_as_surfaces=True).replace("rocky", "")
 
@@ -238,16 +238,16 @@ WALL = "[[0,1,0],[1,1,0],[1,1,1],[0,1,1]]"  # counter-clockwise seen from -y
         (
             f"vertices: {CLOCKWISE}",
             [0, 0, 1],
-            "it: surfaces[0]: 'a' faced down, where no foot can stand, and is turned",
+            "it: surfaces[0]: 'a' faced down; it was flipped so that feet can stand on it",
         ),
         (f"vertices: {CLOCKWISE}, contact: [left_foot, left_palm]", [0, 0, 1], "it: surfaces[0]: 'a' faced down"),
         (f"vertices: {CLOCKWISE}, contact: [left_palm]", [0, 0, -1], None),
         (f"vertices: {CLOCKWISE}, contact: []", [0, 0, -1], None),
         (f"vertices: {CLOCKWISE}, normal: [0, 0, -2]", [0, 0, -1], None),
-        (f"vertices: {CLOCKWISE}, normal: [0, 0, 3]", [0, 0, 1], "'a' was clockwise seen along its normal"),
+        (f"vertices: {CLOCKWISE}, normal: [0, 0, 3]", [0, 0, 1], "'a' is clockwise seen from the side of its normal"),
         (f"vertices: {CLOCKWISE}, normal: [0, 0, -1], contact: [left_foot]", [0, 0, 1], "'a' faced down"),
         (f"vertices: {WALL}", [0, -1, 0], None),
-        (f"vertices: {WALL}, normal: [0, 1, 0]", [0, 1, 0], "'a' was clockwise seen along its normal"),
+        (f"vertices: {WALL}, normal: [0, 1, 0]", [0, 1, 0], "'a' is clockwise seen from the side of its normal"),
         (f"vertices: {WALL}, normal: [0, -1, 0.01]", [0, -1, 0], None),
     ],
 )
