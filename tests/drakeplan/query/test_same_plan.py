@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def small_plan() -> Plan:
 
 def platform() -> dict[str, str]:
     """What the last bits of a solver depend on."""
-    facts = {"processor": llvmlite.binding.get_host_cpu_name()}
+    facts = {"processor": llvmlite.binding.get_host_cpu_name(), "blas": os.environ.get("OPENBLAS_CORETYPE", "")}
     for package in ("drake", "numpy", "scipy", "numba", "piqp"):
         try:
             facts[package] = version(package)
