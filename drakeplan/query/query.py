@@ -57,9 +57,8 @@ class Query:
         self.record, self.tell = record, tell
         self.refusal: Refusal | None = None
         self._infeasible: Refusal | None = None  # the last sequence whose whole dynamics were infeasible
-        self._courses: dict[
-            tuple[Stance, ...], ComCourse
-        ] = {}  # CoM of the sequences whose whole dynamics are feasible
+        # CoM of the sequences whose whole dynamics are feasible
+        self._courses: dict[tuple[Stance, ...], ComCourse] = {}
         self._clock, self._rounds = SearchClock(), 0
 
     @cached_property
