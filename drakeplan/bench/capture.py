@@ -139,7 +139,7 @@ def _agreement(checker: CaptureChecker, options: BenchOptions) -> BenchTable:
         "|kdot|max / (M g) + omega |k|max / (M g).",
     )
     title = "Capture on level ground against the linear inverted pendulum"
-    return BenchTable("capture_pendulum", title, columns, tuple(rows), tuple(notes), most_seeds=None)
+    return BenchTable("capture_pendulum", title, columns, tuple(rows), tuple(notes), "capture", most_seeds=None)
 
 
 def level_question(seed: int, checker: CaptureChecker, motion: str) -> CaptureQuestion:

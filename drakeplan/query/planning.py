@@ -67,7 +67,7 @@ def plan_scene(
         )
         tell(ProgressEvent("search", record.notes[-1]))
         second = _attempt(context, options, "quasi-static", record, tell)
-        result = result if second.status == "none" else second
+        result = dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))
     return _explained(result, context, options) if options.explain else result
 
 

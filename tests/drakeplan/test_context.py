@@ -58,6 +58,7 @@ def test_a_second_attempt_packs_and_builds_nothing(made: Counter[str], monkeypat
     result = plan_scene(load_scene("flat"), ROBOT, PlanOptions(goal=(0.5, 0.0), expansions=60, deadline=300.0))
     assert attempts == ["learned", "quasi-static"]
     assert result.status == "complete", result.reason
+    assert any("made to fail" in note for note in result.notes)
     assert made == Counter(dict.fromkeys(MADE, 1))
 
 
