@@ -44,8 +44,8 @@ class QueryContext:
 
     @cached_property
     def robot_plant(self) -> RobotPlant:
-        """Drake's plant of the robot with the terrain around it."""
-        return build_plant(self.robot, self.scene.terrain)
+        """Drake's plant of the robot alone."""
+        return build_plant(self.robot)
 
     @cached_property
     def start(self) -> Stance:

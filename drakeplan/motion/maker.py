@@ -134,7 +134,7 @@ class MotionMaker:
         self.robot, self.cone, self.options = context.robot, context.cone, options
         self.robot_plant = context.robot_plant
         ik = context.ik
-        monitor = ProximityMonitor(self.robot_plant, ik.kinematics)
+        monitor = ProximityMonitor(self.robot_plant, ik.kinematics, context.packed, context.scene.terrain)
         self.effort = effort_limits(self.robot_plant.plant)
         self.setting = Setting(
             self.robot, ik, monitor, context.packed, options.rate, options.clearance, self.effort, options.feedback

@@ -1,20 +1,20 @@
 """Which bodies come near each other in which configurations, and the rows that keep them apart."""
 
-# pydrake's stubs read "float64[3, 1]" as a shape and refuse every array.
-# pyright: reportArgumentType=false
-
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId, QueryObject
 
 from optimization.inverse_kinematics.frame_task import DistanceRows
 from optimization.multibody.kinematics import Kinematics
-from scenes.effector import EFFECTORS
+from optimization.multibody.robot_shapes import read_shapes
+from optimization.multibody.self_distance import near_itself
+from optimization.multibody.terrain_distance import near_terrain
 from scenes.robots.plant import RobotPlant
+from scenes.terrain.packed_terrain import PackedTerrain, polygon_names
+from scenes.terrain.terrain import Terrain
 
 KEEP = 30.0  # weight of a distance [1/m]
 TERRAIN = -1  # the "link" of everything that stands still
@@ -98,38 +98,29 @@ class Encounters:
 
 
 class ProximityMonitor:
-    """Asks Drake for the pairs of bodies that come near each other."""
+    """Finds the pairs of bodies that come near each other; what it costs depends on the terrain near the robot alone.
 
-    def __init__(self, robot_plant: RobotPlant, kinematics: Kinematics) -> None:
-        """Reads the geometries of the plant.
+    Distances are those of our own kernels; whether a finished motion collides is asked of Drake, by the verifier.
+    """
+
+    def __init__(
+        self,
+        robot_plant: RobotPlant,
+        kinematics: Kinematics,
+        packed: PackedTerrain | None = None,
+        terrain: Terrain | None = None,
+    ) -> None:
+        """Reads the robot's collision shapes.
 
         Args:
-            robot_plant: robot and terrain.
+            robot_plant: of the robot.
             kinematics: of the same robot; witness points are expressed in its links' frames.
+            packed: the terrain, None for nothing but the robot.
+            terrain: the same, for the names of its parts.
         """
-        self._plant, self._scene_graph = robot_plant.plant, robot_plant.scene_graph
-        self._context = robot_plant.new_context()
-        self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
-        self._query_context = self._scene_graph.GetMyContextFromRoot(self._context)
-        inspector = self._scene_graph.model_inspector()
-        self._row: dict[GeometryId, int] = {}
-        home: list[tuple[int, np.ndarray, int, str]] = []
-        for geometry in inspector.GetAllGeometryIds():
-            if inspector.GetProximityProperties(geometry) is None:
-                continue
-            X_BG = inspector.GetPoseInFrame(geometry).GetAsMatrix4()
-            body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
-            link, X_LB = TERRAIN, np.eye(4)
-            if geometry not in robot_plant.terrain_geometry:
-                link, X_LB = kinematics.bodies[body.name()]
-            effector = next((e for e in range(len(EFFECTORS)) if geometry in robot_plant.effector_geometry[e]), -1)
-            name = robot_plant.body_of(geometry)
-            self._row[geometry] = len(home)
-            home.append((link, X_LB @ X_BG, effector, name))
-        self._link = np.array([h[0] for h in home], dtype=np.int64)
-        self._X_LG = np.array([h[1] for h in home]).reshape(-1, 4, 4)
-        self._effector = np.array([h[2] for h in home], dtype=np.int64)
-        self._name = [h[3] for h in home]
+        self._tree, self._packed = kinematics.tree, packed
+        self._shapes, self._names = read_shapes(robot_plant, kinematics)
+        self._polygon_names = polygon_names(terrain) if terrain is not None else ()
 
     def near(self, q: np.ndarray, frames: Iterable[int], distance: float) -> Encounters:
         """Every pair closer than a distance in the given frames.
@@ -139,30 +130,34 @@ class ProximityMonitor:
             frames: indices into q, ascending.
             distance: pairs nearer than this are returned [m].
         """
-        frame: list[int] = []
-        row: list[tuple[int, int]] = []
-        gap: list[float] = []
-        point: list[tuple[np.ndarray, np.ndarray]] = []
-        normal: list[np.ndarray] = []
-        for t in frames:
-            self._plant.SetPositions(self._plant_context, q[t])
-            query: QueryObject = self._scene_graph.get_query_output_port().Eval(self._query_context)  # type: ignore
-            for pair in query.ComputeSignedDistancePairwiseClosestPoints(distance):
-                frame.append(t)
-                row.append((self._row[pair.id_A], self._row[pair.id_B]))
-                gap.append(pair.distance)
-                point.append((pair.p_ACa, pair.p_BCb))
-                normal.append(pair.nhat_BA_W)
-        pairs = np.array(row, dtype=np.int64).reshape(-1, 2)
-        X_LG, link = self._X_LG[pairs], self._link[pairs]
-        in_geometry = np.array(point, dtype=float).reshape(-1, 2, 3)
-        meets_terrain = (link == TERRAIN).any(axis=1) & (link != TERRAIN).any(axis=1)
-        return Encounters(
-            np.array(frame, dtype=np.int64),
-            np.array(gap, dtype=float),
-            link,
-            np.einsum("rsab,rsb->rsa", X_LG[..., :3, :3], in_geometry) + X_LG[..., :3, 3],
-            np.array(normal, dtype=float).reshape(-1, 3),
-            np.where(meets_terrain, self._effector[pairs].max(axis=1), -1),
-            tuple((self._name[a], self._name[b]) for a, b in pairs),
+        rows = np.array(list(frames), dtype=np.int64)
+        postures = np.asarray(q, float)[rows]
+        met = near_itself(self._tree, self._shapes, postures, distance)
+        link, name = self._shapes.link, self._names
+        among = Encounters(
+            rows[met.row],
+            met.distance,
+            link[met.shape],
+            met.point,
+            met.normal,
+            np.full(len(met.row), -1),
+            tuple((name[a], name[b]) for a, b in met.shape.tolist()),
         )
+        if self._packed is None:
+            return among
+        hit = near_terrain(self._tree, self._shapes, self._packed, postures, distance)
+        ground = Encounters(
+            rows[hit.row],
+            hit.distance,
+            np.column_stack([link[hit.shape], np.full(len(hit.row), TERRAIN)]),
+            hit.point,
+            hit.normal,
+            self._shapes.effector[hit.shape],
+            tuple(
+                (name[s], self._polygon_name(k)) for s, k in zip(hit.shape.tolist(), hit.polygon.tolist(), strict=True)
+            ),
+        )
+        return among.joined(ground)
+
+    def _polygon_name(self, k: int) -> str:
+        return self._polygon_names[k] if k < len(self._polygon_names) else f"polygon {k}"

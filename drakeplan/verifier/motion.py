@@ -71,11 +71,11 @@ def check_motion(sheet: Sheet, plan: PlanFile, robot: RobotModel, scene: Scene) 
     sheet.add("posture at rest", np.abs(v[[0, -1]]), AT_REST, "rad/s", lambda i: f"{which_end(i[0])}, {names[1][i[1]]}")
     if not unit:
         return
-    bodies, radii = robot.colliding_bodies()
-    track = follow(robot, plan, bodies)
+    boxes = robot.body_boxes()
+    track = follow(robot, plan, boxes.bodies)
     _check_held(sheet, plan, track)
     check_dynamics(sheet, plan, robot, track)
-    check_collisions(sheet, plan, robot, scene, track.origins, radii)
+    check_collisions(sheet, plan, robot, scene, boxes, track.X_WB)
 
 
 def _difference(t: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Convex
-from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
@@ -25,8 +23,25 @@ from .plan_file import PlanFile, UnreadablePlan
 from .report import Sheet
 
 
+@dataclass(frozen=True, eq=False)
+class BodyBoxes:
+    """Boxes around the S collision shapes of a robot.
+
+    Attributes:
+        bodies: the B bodies that have any.
+        body: (S,) index of each shape's body among these.
+        X_BO: (S, 4, 4) pose of each box's middle in the body [m].
+        half: (S, 3) half edges [m].
+    """
+
+    bodies: tuple[RigidBody, ...]
+    body: np.ndarray
+    X_BO: np.ndarray
+    half: np.ndarray
+
+
 class RobotModel:
-    """The robot as Drake's parser gives it, with solids around it on the world body.
+    """The robot as Drake's parser gives it.
 
     Attributes:
         frames: of the end effectors, in their order.
@@ -36,15 +51,12 @@ class RobotModel:
         effort: (A,) greatest torque of each actuator [N m].
     """
 
-    def __init__(self, model: Path, solids: Sequence[np.ndarray] = ()) -> None:
+    def __init__(self, model: Path) -> None:
         self.model = model
         builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         try:
             Parser(self.plant).AddModels(model)
-            for k, points in enumerate(solids):
-                hull, name, friction = Convex(points.T, "solid"), f"solid {k}", CoulombFriction(1.0, 1.0)
-                self.plant.RegisterCollisionGeometry(self.plant.world_body(), RigidTransform(), hull, name, friction)
             self.plant.Finalize()
             frames = [self.plant.GetFrameByName(name) for name in EFFECTORS]
         except RuntimeError as error:
@@ -64,19 +76,32 @@ class RobotModel:
         self.actuated = np.array([actuator.joint().velocity_start() for actuator in actuators], dtype=int)
         self.effort = np.array([actuator.effort_limit() for actuator in actuators])
 
-    def colliding_bodies(self) -> tuple[list[RigidBody], np.ndarray]:
-        """The bodies that have collision shapes, and (B,) radii about their origins that hold the shapes [m]."""
-        inspector, bodies, radii = self.scene_graph.model_inspector(), [], []
+    def body_boxes(self) -> BodyBoxes:
+        """The bodies that have collision shapes, and a box around each shape.
+
+        Raises:
+            UnreadablePlan: a shape without bounds.
+        """
+        inspector, bodies = self.scene_graph.model_inspector(), []
+        body_of, poses, halves = [], [], []
         for index in self.plant.GetBodyIndices(self.frames[0].model_instance()):
-            body, reach = self.plant.get_body(index), 0.0
-            for geometry in self.plant.GetCollisionGeometriesForBody(body):
+            body = self.plant.get_body(index)
+            shapes = self.plant.GetCollisionGeometriesForBody(body)
+            for geometry in shapes:
                 obb = inspector.GetObbInGeometryFrame(geometry)
-                centre = (inspector.GetPoseInFrame(geometry) @ obb.pose()).translation() if obb else np.zeros(3)
-                reach = max(reach, np.linalg.norm(centre) + np.linalg.norm(obb.half_width()) if obb else np.inf)
-            if reach:
+                if obb is None:
+                    raise UnreadablePlan(f"{self.model}: {body.name()}: expected collision shapes of finite size")
+                body_of.append(len(bodies))
+                poses.append((inspector.GetPoseInFrame(geometry) @ obb.pose()).GetAsMatrix4())
+                halves.append(obb.half_width())
+            if shapes:
                 bodies.append(body)
-                radii.append(reach)
-        return bodies, np.array(radii)
+        return BodyBoxes(
+            tuple(bodies),
+            np.array(body_of, dtype=int),
+            np.array(poses).reshape(-1, 4, 4),
+            np.array(halves).reshape(-1, 3),
+        )
 
     @property
     def carriers(self) -> frozenset[int]:

@@ -24,7 +24,7 @@ class Track:
     Attributes:
         X_WE: (T, 4, 4, 4) poses of the four end effectors' frames in W.
         com: (T, 3) centre of mass in W [m].
-        origins: (T, B, 3) origins of the bodies with collision shapes in W [m].
+        X_WB: (T, B, 4, 4) poses of the bodies with collision shapes in W [m].
         linear: (T, 3) linear momentum in W [kg m/s].
         angular: (T, 3) angular momentum about the centre of mass in W [N m s].
         torque: (T-1, A) that each actuator has to apply from one frame to the next [N m].
@@ -32,7 +32,7 @@ class Track:
 
     X_WE: np.ndarray
     com: np.ndarray
-    origins: np.ndarray
+    X_WB: np.ndarray
     linear: np.ndarray
     angular: np.ndarray
     torque: np.ndarray
@@ -47,7 +47,7 @@ def follow(robot: RobotModel, plan: PlanFile, bodies: Sequence[RigidBody]) -> Tr
     Args:
         robot: the model.
         plan: with motion and forces.
-        bodies: whose origins are asked for.
+        bodies: whose poses are asked for.
     """
     plant, context, forces = robot.plant, robot.plant_context, MultibodyForces(robot.plant)
     t, q, v = plan["motion/t"], plan["motion/q"], plan["motion/v"]
@@ -56,14 +56,14 @@ def follow(robot: RobotModel, plan: PlanFile, bodies: Sequence[RigidBody]) -> Tr
     # The forces of knot n act over [t_n, t_n+1).
     knot = np.searchsorted(plan["centroidal/t"], t + SAME_TIME, side="right") - 1
     knot = np.clip(knot, 0, len(held) - 2)
-    X_WE, com, origins = np.empty((len(q), 4, 4, 4)), np.empty((len(q), 3)), np.empty((len(q), len(bodies), 3))
+    X_WE, com, X_WB = np.empty((len(q), 4, 4, 4)), np.empty((len(q), 3)), np.empty((len(q), len(bodies), 4, 4))
     momentum, torque = np.empty((len(q), 6)), np.empty((len(q) - 1, v.shape[1]))
     for k, state in enumerate(np.hstack([q, v])):
         plant.SetPositionsAndVelocities(context, state)
         X_WE[k] = [frame.CalcPoseInWorld(context).GetAsMatrix4() for frame in robot.frames]
         com[k] = plant.CalcCenterOfMassPositionInWorld(context)
         for b, body in enumerate(bodies):
-            origins[k, b] = plant.EvalBodyPoseInWorld(context, body).translation()
+            X_WB[k, b] = plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4()
         momentum[k] = plant.CalcSpatialMomentumInWorldAboutPoint(context, com[k]).get_coeffs()
         if k == len(torque):
             break
@@ -74,7 +74,7 @@ def follow(robot: RobotModel, plan: PlanFile, bodies: Sequence[RigidBody]) -> Tr
             about_origin = SpatialForce(wrench[knot[k], e, :3], wrench[knot[k], e, 3:])
             body.AddInForceInWorld(context, about_origin.Shift(p_WB), forces)
         torque[k] = plant.CalcInverseDynamics(context, vdot[k], forces)
-    return Track(X_WE, com, origins, momentum[:, 3:], momentum[:, :3], torque[:, robot.actuated])
+    return Track(X_WE, com, X_WB, momentum[:, 3:], momentum[:, :3], torque[:, robot.actuated])
 
 
 def _contact_wrenches(plan: PlanFile) -> np.ndarray:

@@ -104,6 +104,21 @@ def place(R: np.ndarray, p: np.ndarray, local: np.ndarray, out: np.ndarray) -> N
 
 
 @njit(cache=True)
+def in_link(R: np.ndarray, p: np.ndarray, point: np.ndarray, out: np.ndarray) -> None:
+    """Writes a point of W in the frame of a link at (R, p) to `out`, (3,) each [m]: the inverse of `place`.
+
+    Args:
+        R, p: (3, 3) and (3,) pose of the link in W [m].
+        point: (3,) in W [m].
+        out: (3,) written, in the link [m].
+    """
+    for r in range(3):
+        out[r] = 0.0
+        for k in range(3):
+            out[r] += R[k, r] * (point[k] - p[k])
+
+
+@njit(cache=True)
 def may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bool:
     """Whether polygon k may have a point within `reach` of c (3,), by its box and its plane [m].
 

@@ -59,9 +59,7 @@ class PackedTerrain(NamedTuple):
 def pack_terrain(terrain: Terrain) -> PackedTerrain:
     """The arrays of a terrain; work once per scene, proportional to its size."""
     polygons = [s.vertices for s in terrain.surfaces]
-    triangles = terrain.triangles
-    doubled = area_vectors(triangles)
-    triangles = triangles[np.linalg.norm(doubled, axis=1) > 2 * PLATE_SPLIT]
+    triangles = terrain.triangles[_solid(terrain.triangles)]
     num_surfaces, total = len(polygons), len(polygons) + len(triangles)
     width = max([len(p) for p in polygons] + [3])
     vertices = np.zeros((total, width, 3))
@@ -103,6 +101,18 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
         friction,
         *_grid(low, high),
     )
+
+
+def polygon_names(terrain: Terrain) -> tuple[str, ...]:
+    """(P,) names of the packed polygons: of their surfaces, and of the obstacles that their triangles belong to."""
+    counts = [len(obstacle.triangles()) for obstacle in terrain.obstacles]
+    owners = np.repeat(np.arange(len(counts)), counts)[_solid(terrain.triangles)]
+    return (*(s.name for s in terrain.surfaces), *(terrain.obstacles[k].name for k in owners.tolist()))
+
+
+def _solid(triangles: np.ndarray) -> np.ndarray:
+    """(K,) whether each triangle encloses an area."""
+    return np.linalg.norm(area_vectors(triangles), axis=1) > 2 * PLATE_SPLIT
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, ...]:

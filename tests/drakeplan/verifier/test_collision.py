@@ -12,15 +12,15 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import write_plan
-from drakeplan.verifier import verify
-from drakeplan.verifier.collision import STRETCH, Face, _boxes, _groups, _on_mesh, _upright
+from drakeplan.verifier import collision, verify
+from drakeplan.verifier.faces import Face, NearBoxes, box_faces, on_mesh, upright
 from drakeplan.verifier.scene import Plate, Scene
 
 EVERYWHERE = np.full(3, -1e3), np.full(3, 1e3)
 MU = 0.5
 
 
-def on_mesh(plan: Plan, tiles: int, sink: float) -> Plan:
+def sunk_in_mesh(plan: Plan, tiles: int, sink: float) -> Plan:
     """The same plan on a floor of many triangles, everything `sink` metres lower than the floor."""
     edge = np.linspace(-0.5, 0.5, tiles + 1)
     squares = [
@@ -37,7 +37,7 @@ def on_mesh(plan: Plan, tiles: int, sink: float) -> Plan:
 
 def test_a_sole_3_mm_deep_in_a_fine_mesh_is_3_mm_deep(stepping_plan: Plan, tmp_path: Path) -> None:
     """Point-pair penetration alone says 17 mm here."""
-    write_plan(on_mesh(stepping_plan, tiles=10, sink=0.003), tmp_path / "plan.h5")
+    write_plan(sunk_in_mesh(stepping_plan, tiles=10, sink=0.003), tmp_path / "plan.h5")
     check = verify(tmp_path / "plan.h5").check("sole and palm collision")
     assert check.worst == pytest.approx(0.003, abs=1e-4)
 
@@ -65,7 +65,7 @@ def test_frusta_do_not_poke_through_the_far_side_of_a_ridge() -> None:
     for face, own, other in ((left, *normals), (right[::-1], *normals[::-1])):
         if np.cross(face[1] - face[0], face[2] - face[0]) @ own < 0:
             face = face[::-1]
-        ((polygon, normal),) = zip(*_upright(face[None]), strict=True)
+        ((polygon, normal),) = zip(*upright(face[None]), strict=True)
         np.testing.assert_allclose(normal, own, atol=1e-12)
         rear = Face("f", polygon, normal, tapered=True).solid(*EVERYWHERE)[3:]
         apex = np.array([0.0, 0.0, 1.0])
@@ -78,14 +78,14 @@ def test_a_box_is_six_faces_that_look_outwards() -> None:
     X_WO[:3, :3] = RotationMatrix(RollPitchYaw(0.3, -0.5, 1.0)).matrix()
     X_WO[:3, 3] = [1.0, 2.0, 3.0]
     size = np.array([0.2, 0.4, 0.6])
-    faces = list(_boxes(Scene((), ((X_WO, size),), {}, {})))
+    faces = list(box_faces(Scene((), ((X_WO, size),), {}, {})))
     outward = np.array([face.normal for face in faces])
     looks = {tuple(np.round(look).astype(int)) for look in outward @ X_WO[:3, :3]}
     assert looks == {(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)}
     corners = {tuple(np.round(corner, 9)) for face in faces for corner in face.polygon}
     assert len(corners) == 8
     for face in faces:
-        _, (newell,) = _upright(face.polygon[None, :3])
+        _, (newell,) = upright(face.polygon[None, :3])
         np.testing.assert_allclose(newell, face.normal, atol=1e-12)
         distance_to_face = (face.polygon - X_WO[:3, 3]) @ face.normal
         np.testing.assert_allclose(distance_to_face, size @ np.abs(face.normal @ X_WO[:3, :3]) / 2)
@@ -120,27 +120,37 @@ def test_surfaces_that_lie_on_a_mesh_are_its_body_and_not_another_plate() -> Non
     def plate(vertices: np.ndarray, normal: float = 1.0) -> Plate:
         return Plate("p", vertices, np.array([0.0, 0.0, normal]), MU, frozenset())
 
-    assert _on_mesh(plate(square), triangles, normals)
-    assert _on_mesh(plate(0.2 + 0.5 * square * [1, 1, 0] + [0, 0, 1e-3 - 0.2]), triangles, normals)
-    assert not _on_mesh(plate(np.add(square, [0.5, 0, 0])), triangles, normals)
-    assert not _on_mesh(plate(np.add(square, [0, 0, 0.1])), triangles, normals)
-    assert not _on_mesh(plate(square[::-1], -1.0), triangles, normals)
+    assert on_mesh(plate(square), triangles, normals)
+    assert on_mesh(plate(0.2 + 0.5 * square * [1, 1, 0] + [0, 0, 1e-3 - 0.2]), triangles, normals)
+    assert not on_mesh(plate(np.add(square, [0.5, 0, 0])), triangles, normals)
+    assert not on_mesh(plate(np.add(square, [0, 0, 0.1])), triangles, normals)
+    assert not on_mesh(plate(square[::-1], -1.0), triangles, normals)
 
 
-def test_a_long_way_is_checked_stretch_by_stretch_without_losing_a_piece() -> None:
-    """Every piece that a body touches in a frame is in that frame's group."""
+def test_the_boxes_near_a_place_are_those_that_a_look_at_all_of_them_finds() -> None:
     rng = np.random.default_rng(0)
-    centres = rng.uniform([0, -0.4, 0], [30, 0.4, 1], (1500, 3))
-    up = np.array([0.0, 0.0, 1.0])
-    faces = [Face("f", c + 0.02 * rng.standard_normal((3, 3)), up, tapered=True) for c in centres]
-    origins = np.column_stack([np.linspace(0, 30, 1500), np.zeros(1500), np.full(1500, 0.5)])[:, None]
-    radii = np.array([0.3])
-    groups = list(_groups(origins, radii, faces))
-    assert [k for frames, _ in groups for k in range(frames.start, frames.stop)] == list(range(1500))
-    assert len(groups) > 1
-    low, high = (np.array([getattr(f.polygon, end)(axis=0) for f in faces]) for end in ("min", "max"))
-    for frames, near in groups:
-        assert np.ptp(origins[frames, 0], axis=0).max() < STRETCH + 2.0
-        for origin in origins[frames, 0]:
-            apart = (low > origin + radii).any(axis=1) | (high < origin - radii).any(axis=1)
-            assert set(np.flatnonzero(~apart)) <= set(near)
+    for _ in range(50):
+        centre, half = (
+            rng.uniform(-3, 3, (200, 3)),
+            rng.choice([0.01, 0.2, 3.0], (200, 1)) * rng.uniform(0, 1, (200, 3)),
+        )
+        low, high = centre - half, centre + half
+        a, b = np.sort(rng.uniform(-4, 4, (2, 3)), axis=0)
+        slow = np.flatnonzero(((low <= b) & (high >= a)).all(axis=1))
+        np.testing.assert_array_equal(NearBoxes(low, high).near(a, b), slow)
+
+
+def test_what_is_left_out_beforehand_penetrates_nothing(stepping_plan: Plan, tmp_path: Path) -> None:
+    """The culled faces and Drake agree with Drake alone, on a robot that wades through rubble."""
+    rng = np.random.default_rng(1)
+    corner = rng.uniform([-0.5, -0.5, -0.05], [1.0, 0.5, 0.4], (60, 1, 3))
+    triangles = corner + 0.1 * rng.standard_normal((60, 3, 3))
+    write_plan(dataclasses.replace(stepping_plan, triangles=triangles), tmp_path / "plan.h5")
+    kinds = ("terrain collision", "sole and palm collision", "self collision")
+    quick = {kind: verify(tmp_path / "plan.h5").check(kind).worst for kind in kinds}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(collision, "_reached", lambda faces, near, *_: np.ones(len(near), dtype=bool))
+        patch.setattr(collision, "TOUCH", 0.0)
+        slow = {kind: verify(tmp_path / "plan.h5").check(kind).worst for kind in kinds}
+    assert slow["terrain collision"] > 0.0 and slow["sole and palm collision"] > 0.0
+    assert quick == pytest.approx(slow, abs=2e-4)
