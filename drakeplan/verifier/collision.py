@@ -51,10 +51,10 @@ def check_collisions(
     limits["sole and palm collision"] = SOLE_PENETRATION
     nothing = (0.0, "nowhere") if len(boxes.body) else (np.nan, "the model has no collision shapes")
     worst: dict[str, tuple[float, str]] = dict.fromkeys(limits, nothing)
-    faces = Faces(plan, scene)
+    faces, owners = Faces(plan, scene), _owners(robot)
     for start in range(0, len(X_WB) if len(boxes.body) else 0, BLOCK):
         frames = slice(start, min(start + BLOCK, len(X_WB)))
-        _penetrate(plan, robot, _solids(faces, boxes, X_WB[frames]), frames, worst)
+        _penetrate(plan, robot, owners, _solids(faces, boxes, X_WB[frames]), frames, worst)
     for name, (depth, where) in worst.items():
         sheet.add(name, depth, limits[name], "m", where)
 
@@ -108,9 +108,23 @@ def _reached(faces: Faces, near: np.ndarray, R: np.ndarray, centre: np.ndarray, 
     return reached
 
 
+Owner = tuple[bool, bool, str]  # of a shape: whether it stands still, whether it carries a sole or palm, its name
+
+
+def _owners(robot: RobotModel) -> dict[GeometryId, Owner]:
+    """Whose each of the robot's collision shapes is."""
+    inspector, plant, carriers = robot.scene_graph.model_inspector(), robot.plant, robot.carriers
+    shapes = inspector.GetAllGeometryIds(Role.kProximity)
+    bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in shapes]
+    return {
+        shape: (False, int(body.index()) in carriers, body.name()) for shape, body in zip(shapes, bodies, strict=True)
+    }
+
+
 def _penetrate(
     plan: PlanFile,
     robot: RobotModel,
+    owners: dict[GeometryId, Owner],
     solids: Sequence[tuple[str, np.ndarray]],
     frames: slice,
     worst: dict[str, tuple[float, str]],
@@ -124,10 +138,7 @@ def _penetrate(
     context = robot.diagram.CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     scene_context = scene_graph.GetMyMutableContextFromRoot(context)
-    owner: dict[GeometryId, tuple[bool, bool, str]] = {}
-    for geometry in scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
-        body = plant.GetBodyFromFrameId(scene_graph.model_inspector().GetFrameId(geometry))
-        owner[geometry] = (False, int(body.index()) in robot.carriers, body.name())
+    owner = dict(owners)
     for k, (name, points) in enumerate(solids):
         instance = GeometryInstance(RigidTransform(), Convex(points.T, "solid"), f"solid {k}")
         instance.set_proximity_properties(ProximityProperties())

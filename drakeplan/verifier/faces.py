@@ -34,7 +34,12 @@ class Face:
     tapered: bool
 
     def solid(self, low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
-        """(n, 3) corners of the convex solid behind the part of the face between `low` and `high`; None for slivers."""
+        """(n, 3) corners of the convex solid behind the part of the face between two corners of a box; None for slivers.
+
+        Args:
+            low: (3,) lowest corner of the box in W [m].
+            high: (3,) highest corner of the box in W [m].
+        """
         polygon = clip(self.polygon, low, high)
         if len(polygon) < 3:
             return None
@@ -96,7 +101,12 @@ class Faces:
         return Face("an obstacle's triangle", self.corners[k, :3], self.normal[k], tapered=True)
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(n,) indices of the faces whose bounds meet the box from `low` to `high` (3,) [m], ascending."""
+        """(n,) indices of the faces whose bounds meet a box, ascending.
+
+        Args:
+            low: (3,) lowest corner of the box in W [m].
+            high: (3,) highest corner of the box in W [m].
+        """
         return self._index.near(low, high)
 
 
@@ -122,7 +132,12 @@ class NearBoxes:
         self._small, self._key = index[order], key[order]
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(n,) indices of the boxes that meet the box from `low` to `high` (3,) [m], ascending."""
+        """(n,) indices of the boxes that meet another, ascending.
+
+        Args:
+            low: (3,) its lowest corner [m].
+            high: (3,) its highest corner [m].
+        """
         # A small box reaches at most one cell beyond that of its lowest corner.
         first = np.maximum(np.floor((low[:2] - self._origin) / CELL) - 1, 0).astype(np.int64)
         last = np.minimum(np.floor((high[:2] - self._origin) / CELL), self._shape - 1).astype(np.int64)
