@@ -2,6 +2,6 @@
 
 import sys
 
-from drakeplan.cli import main
+from drakeplan.cli import entry
 
-sys.exit(main())
+sys.exit(entry())

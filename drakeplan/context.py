@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from drakeplan.contact_planning.torso_grid import TorsoGrid
+from drakeplan.deadline import Deadline
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.footholds.start_stance import check_goal, start_stance
@@ -27,12 +28,14 @@ class QueryContext:
         robot: the robot that crosses the scene.
         ik: its inverse kinematics, with its kinematics and body capsules.
         cone: friction cone of the whole query.
+        deadline: when the query has to stop.
     """
 
     scene: Scene
     robot: Robot
     ik: WholeBodyIK
     cone: FrictionCone = DEFAULT_CONE
+    deadline: Deadline = field(default_factory=Deadline)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too

@@ -44,6 +44,16 @@ examples:
 """
 
 
+def entry() -> int:
+    """The program: `main`, and for commands with a deadline in a watched process."""
+    tokens = sys.argv[1:]
+    if tokens[:1] != ["plan"] or {"-h", "--help"} & set(tokens):
+        return main(tokens)
+    from drakeplan.cli.supervisor import supervise
+
+    return supervise(lambda: main(tokens), as_json="--json" in tokens)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit status; `argv` without the program's name, by default the process's."""
     tokens = list(sys.argv[1:] if argv is None else argv)

@@ -17,10 +17,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from drakeplan.cli import supervisor
 from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
+    from drakeplan.plan.plan import Plan
+    from drakeplan.progress import Progress, ProgressEvent
     from drakeplan.query.options import PlanOptions
     from drakeplan.query.result import PlanResult
     from scenes.scene import Scene
@@ -37,7 +40,7 @@ examples:
   drakeplan plan rubble_field --dynamics quasi-static --html plan.html
   drakeplan plan stairs --planner footsteps
 
-Ctrl-C ends the search and keeps the best plan so far; Ctrl-C again aborts.
+Ctrl-C ends it with the best contacts so far (--keep-partial writes them); Ctrl-C again aborts.
 
 exit status: 0 the plan is complete and verified, 2 bad input, 3 no complete plan (the reason is printed)"""
 
@@ -91,7 +94,8 @@ class Arguments:
     ] = None
     """list of foot steps (default: the scene's, else experiments)"""
     deadline: float = 30.0
-    """time limit of the search [s]; dynamics and motion come after it"""
+    """time limit of the whole command, motion and verification included [s]; kernels that compile for the first time
+    do not count"""
     improve: float = 1.0
     """time for improvement after the first plan [s]"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
@@ -130,9 +134,14 @@ def run(arguments: Arguments) -> int:
     from drakeplan.progress import ProgressPrinter
     from drakeplan.query.planning import plan_scene
 
-    with _interruptible() as interrupted, ProgressPrinter(sys.stderr) as progress:
-        options = _options(arguments, interrupted)
-        result = plan_scene(scene, robot, options, progress)
+    with (
+        _interruptible() as interrupted,
+        ProgressPrinter(sys.stderr) as progress,
+        _Telling(arguments, scene) as telling,
+    ):
+        options = _options(arguments, interrupted, telling)
+        result = plan_scene(scene, robot, options, telling.along(progress, options))
+        telling.answering()
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
     for line in _explanation(arguments, result):
@@ -190,7 +199,7 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
         raise InputError(f"scene {scene.name} needs {' and '.join(missing)}: its terrain spans {spans}")
 
 
-def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
+def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> PlanOptions:
     from drakeplan.query.options import PlanOptions, check_options
     from drakeplan.timing.step_timing import Timing
     from optimization.balance.friction import FrictionCone
@@ -210,6 +219,8 @@ def _options(arguments: Arguments, interrupted: _Flag) -> PlanOptions:
         improve=arguments.improve,
         expansions=arguments.expansions,
         stop=interrupted,
+        used=seconds_since_process_start() if supervisor.wire is not None else 0.0,
+        keep=telling.keep,
         explain=arguments.explain,
         command=shlex.join(["drakeplan", *sys.argv[1:]]),
     )
@@ -252,6 +263,52 @@ class _Flag:
         return self.raised
 
 
+class _Telling(contextlib.AbstractContextManager):
+    """Tells the watching process (`drakeplan.cli.supervisor`) how far the query is; does nothing where none watches."""
+
+    def __init__(self, arguments: Arguments, scene: Scene) -> None:
+        self._wire = supervisor.wire
+        self._facts = {"scene": scene.name, "seed": arguments.seed}
+        self._out = arguments.out if arguments.keep_partial else None
+        self._kept = f"{self._out}.{os.getpid()}.partial"
+        self._started = False
+
+    def __exit__(self, *_: object) -> None:
+        if self._out is not None and self._wire is not None:
+            Path(self._kept).unlink(missing_ok=True)
+
+    def along(self, progress: Progress, options: PlanOptions) -> Progress:
+        """The same progress, told to the watching process too; the clock of the deadline runs from the search on."""
+
+        def tell(event: ProgressEvent) -> None:
+            progress(event)
+            if self._wire is None:
+                return
+            self._wire.tell(stage=" ".join([event.stage, event.message]).rstrip())
+            if event.stage == "search" and not self._started:
+                self._started = True
+                self._wire.tell(left=max(options.deadline - options.used, 0.0), report=self._facts)
+
+        return tell
+
+    def keep(self, plan: Plan, report: dict[str, object]) -> None:
+        """Puts contacts aside, for the case that this process is killed while it makes their motion."""
+        if self._wire is None:
+            return
+        kept = None
+        if self._out is not None:
+            from drakeplan.plan.plan_file import write_plan
+
+            write_plan(plan, self._kept)
+            kept = (self._kept, self._out)
+        self._wire.tell(report={**report, **self._facts}, kept=kept)
+
+    def answering(self) -> None:
+        """Says that the answer is known and only has to be written."""
+        if self._wire is not None:
+            self._wire.tell(answering=True)
+
+
 @contextlib.contextmanager
 def _interruptible() -> Iterator[_Flag]:
     """Inside, the first Ctrl-C raises the flag and the second one aborts as usual."""
@@ -262,7 +319,7 @@ def _interruptible() -> Iterator[_Flag]:
             raise KeyboardInterrupt
         flag.raised = True
         print(
-            "\ninterrupted: continues with the best contacts so far; press Ctrl-C again to abort",
+            "\ninterrupted: ends with the best contacts so far; press Ctrl-C again to abort",
             file=sys.stderr,
             flush=True,
         )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drakeplan.deadline import Deadline
 from drakeplan.motion.check import Problem, find_problems, mean_velocities
 from drakeplan.motion.course_dynamics import BOX, ComCourse, SequenceDynamics, monotone_course
 from drakeplan.motion.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
@@ -55,6 +56,7 @@ WINDOW = 15  # frames before and after a collision that take part in moving out 
 COM_FEEDBACK, NEAR_FEEDBACK = 0.008, 0.3  # [m, s] a CoM this far off goes back to the dynamics, with what is near it
 TIGHTER, LEAST_BOX = 0.3, 0.004  # how the CoM's bounds shrink there each time, and the least of them [m]
 WIDER_ARMS, MOST_SPREAD = 0.03, 0.13  # [m] how much further free arms keep away each time, and at most
+DOING = "during the motion"  # for the message of a deadline
 HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
 
 
@@ -70,6 +72,7 @@ class Setting:
         rate: frames per second [Hz].
         clearance: margin of swinging feet and palms to the terrain [m].
         effort: (nv - 6,) greatest joint torques [N m].
+        deadline: of the query.
         feedback: whether dynamics and motion are made to agree.
     """
 
@@ -80,6 +83,7 @@ class Setting:
     rate: int
     clearance: float
     effort: np.ndarray
+    deadline: Deadline
     feedback: bool = True
 
 
@@ -227,10 +231,12 @@ class MotionFrames:
         self._answer = self._track(self.q, solve=wanted)
 
     def _track(self, q: np.ndarray, *, chained: bool = False, solve: np.ndarray | None = None) -> TrackedPostures:
+        self.setting.deadline.check(DOING)
         return track_postures(self.tree, self._targets, q, solve=solve, chained=chained, max_iterations=12)
 
     def _settle(self) -> MomentumGap:
         """All frames together: momenta as the dynamics say, bodies apart, no jerks, near the motion as it is."""
+        self.setting.deadline.check(DOING)
         _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
         num, step = len(self.t), 1.0 / self.setting.rate
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
@@ -331,6 +337,7 @@ class MotionFrames:
 
     def _away(self, f: int, q: np.ndarray) -> np.ndarray:
         """(nq,) frame f solved from q with the pairs apart that are near there."""
+        self.setting.deadline.check(DOING)
         q[:4] /= np.linalg.norm(q[:4])
         targets = frame_targets(self._targets, f)
         for _ in range(2):

@@ -132,12 +132,21 @@ class MotionMaker:
         """
         options = options or MotionOptions()
         self.robot, self.cone, self.options = context.robot, context.cone, options
+        self._deadline = context.deadline
         self.robot_plant = context.robot_plant
         ik = context.ik
         monitor = ProximityMonitor(self.robot_plant, ik.kinematics, context.packed, context.scene.terrain)
         self.effort = effort_limits(self.robot_plant.plant)
         self.setting = Setting(
-            self.robot, ik, monitor, context.packed, options.rate, options.clearance, self.effort, options.feedback
+            self.robot,
+            ik,
+            monitor,
+            context.packed,
+            options.rate,
+            options.clearance,
+            self.effort,
+            context.deadline,
+            options.feedback,
         )
         self.regions = BalanceRegions(self.robot, self.cone)
 
@@ -152,6 +161,9 @@ class MotionMaker:
             stances: the contact sequence; consecutive ones differ in one end effector.
             tell: receives progress events.
             com_course: CoM to follow, for the usual timing; None: the CoM passes through points of static balance.
+
+        Raises:
+            OutOfTimeError: the query has to stop.
         """
         num = len(stances) - 1
         shift, swing = np.full(num, self.options.shift), np.full(num, self.options.swing)
@@ -192,6 +204,7 @@ class MotionMaker:
     def _attempt(
         self, schedule: Schedule, timings: dict[str, float], tell: Progress, com_course: ComCourse | None = None
     ) -> MotionResult:
+        self._deadline.check("during the motion")
         began = time.perf_counter()
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
         keys = solve_key_postures(
@@ -204,6 +217,7 @@ class MotionMaker:
             more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
             reason = f"no posture found for transition {', '.join(map(str, failed[:3]))}{more}"
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
+        self._deadline.check("during the motion")
         dynamics = SequenceDynamics(self.robot, schedule, self.cone, self.options.dt)
         frames = MotionFrames(self.setting, schedule, keys, dynamics, com_course)
         reason = frames.solve_dynamics(schedule.times(self.options.dt))

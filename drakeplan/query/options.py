@@ -11,6 +11,7 @@ import numpy as np
 
 from drakeplan.contact_planning.contact_plan import DynamicsName, HeuristicName
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
+from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.input_error import InputError, unknown_name
@@ -37,11 +38,13 @@ class PlanOptions:
         timing: of every transition; networks exist only for 1 s and 1 s (Lin 2020 sec. 6.7).
         heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
-        deadline: limits the search alone.
+        deadline: of the whole query, motion and verification included; kernels that compile first do not count.
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         use_palms: whether palms may be used.
-        stop: polled by the search; True ends it and keeps the incumbent.
+        stop: polled; True ends the query, which then returns the best contacts so far.
+        used: seconds of the deadline that were used before the call.
+        keep: called with contacts, before their motion is made: what is left of the query should its process be killed.
         command: recorded in the plan's provenance.
         explain: whether a sequence whose dynamics are infeasible is asked what would make them feasible.
     """
@@ -62,6 +65,8 @@ class PlanOptions:
     improve: float = 1.0
     expansions: int | None = None
     stop: Callable[[], bool] | None = None
+    used: float = 0.0
+    keep: Callable[[Plan, dict[str, object]], None] | None = None
     command: str = ""
     explain: bool = False
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+import time
 
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.planner import make_planner, planner_entry
 from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
+from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
 from drakeplan.query.options import PlanOptions, check_options, with_options
@@ -53,15 +55,18 @@ def plan_scene(
             "friction cone diamond is up to 1.41 times larger than real friction: use it for comparison only"
         )
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
-    context = QueryContext(scene, robot, WholeBodyIK(robot), options.cone)
+    deadline = Deadline(options.deadline, options.stop, options.used)
+    context = QueryContext(scene, robot, WholeBodyIK(robot), options.cone, deadline)
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
-        _load_kernels(context, tell)
+        record.compile_s = _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
+    deadline.start()
+    tell(ProgressEvent("search", elapsed=0.0))
     dynamics = _dynamics(context, options, record.notes)
     for note in record.notes:
         tell(ProgressEvent("load", note))
     result = _attempt(context, options, dynamics, record, tell)
-    if _may_fall_back(options, dynamics) and result.status != "complete" and record.expansions:
+    if _may_fall_back(context, options, dynamics) and result.status != "complete" and record.expansions:
         record.notes.append(
             f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
         )
@@ -71,8 +76,9 @@ def plan_scene(
     return _explained(result, context, options) if options.explain else result
 
 
-def _load_kernels(context: QueryContext, tell: Progress) -> None:
-    """Loads what is compiled, and says so where it has to be compiled first."""
+def _load_kernels(context: QueryContext, tell: Progress) -> float:
+    """Loads what is compiled, and says so where it has to be compiled first; seconds that this took, 0 where it had been."""
+    began = time.perf_counter()
     note = ProgressEvent("load", "compiling kernels, once on this machine: one to two minutes")
     patience = threading.Timer(COMPILING, tell, [note])
     patience.daemon = True
@@ -81,6 +87,8 @@ def _load_kernels(context: QueryContext, tell: Progress) -> None:
         warm_up(context.robot, context.ik)
     finally:
         patience.cancel()
+    took = time.perf_counter() - began
+    return took if took > COMPILING else 0.0
 
 
 def _attempt(
@@ -102,14 +110,13 @@ def _attempt(
         return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
     query = Query(context, options, planner, record, tell)
     if options.dynamics is None and dynamics == "learned":
-        return query.run(options.deadline / 2, TRIED_REPAIRS)
-    return query.run(options.deadline, MAX_REPAIRS)
+        return query.run(context.deadline.left() / 2, TRIED_REPAIRS)
+    return query.run(context.deadline.left(), MAX_REPAIRS)
 
 
-def _may_fall_back(options: PlanOptions, dynamics: DynamicsName) -> bool:
+def _may_fall_back(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> bool:
     """Whether learned dynamics were the default and there is time for a second query."""
-    stopped = options.stop is not None and options.stop()
-    return options.dynamics is None and dynamics == "learned" and not stopped
+    return options.dynamics is None and dynamics == "learned" and not context.deadline.why()
 
 
 def _dynamics(context: QueryContext, options: PlanOptions, notes: list[str]) -> DynamicsName:

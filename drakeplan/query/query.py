@@ -17,6 +17,7 @@ from drakeplan.contact_planning.contact_plan import ContactPlan
 from drakeplan.contact_planning.planner import ContactPlanner
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
 from drakeplan.context import QueryContext
+from drakeplan.deadline import OutOfTimeError
 from drakeplan.motion.assembly import assemble_plan
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
@@ -56,6 +57,7 @@ class Query:
         self.context, self.options, self.planner = context, options, planner
         self.record, self.tell = record, tell
         self.refusal: Refusal | None = None
+        self._sequence: ContactPlan | None = None  # the one whose motion is made
         self._infeasible: Refusal | None = None  # the last sequence whose whole dynamics were infeasible
         # CoM of the sequences whose whole dynamics are feasible
         self._courses: dict[tuple[Stance, ...], ComCourse] = {}
@@ -70,15 +72,23 @@ class Query:
         )
         return MotionMaker(self.context, wanted)
 
-    def run(self, deadline: float, max_repairs: int) -> PlanResult:
+    def run(self, search_for: float, max_repairs: int) -> PlanResult:
         """The verified plan, or the result of the step that failed.
 
         Args:
-            deadline: seconds of search, all rounds together.
+            search_for: seconds of search at most, all rounds together; the query's deadline may end it earlier.
             max_repairs: times that a refused sequence is forbidden and the search resumes.
         """
+        try:
+            return self._repeat(search_for, max_repairs)
+        except OutOfTimeError as over:
+            self.record.limits_fired.append(self.context.deadline.why())
+            self.refusal = Refusal("motion", str(over), self._sequence) if self._sequence else self.refusal
+            return self._incomplete()
+
+    def _repeat(self, search_for: float, max_repairs: int) -> PlanResult:
         for repair in range(max_repairs + 1):
-            sequence = self._search(deadline)
+            sequence = self._sequence = self._search(search_for)
             if sequence is None:
                 break
             motion = self._make_motion(sequence)
@@ -94,11 +104,11 @@ class Query:
 
     # 1 Search ------------------------------------------------------------------------------------------------------
 
-    def _search(self, deadline: float) -> ContactPlan | None:
+    def _search(self, search_for: float) -> ContactPlan | None:
         """The best sequence whose whole dynamics are feasible; where there is none, without static balance."""
-        sequence = self._last_feasible(self._incumbents(deadline))
+        sequence = self._last_feasible(self._incumbents(search_for))
         if sequence is None and self.planner.require_static_balance(False):
-            sequence = self._last_feasible(self._incumbents(deadline))
+            sequence = self._last_feasible(self._incumbents(search_for))
         if sequence is not None:
             contacts, _ = tabulate_stances(sequence.stances)
             self.record.cost, self.record.bound = sequence.cost, sequence.bound
@@ -106,10 +116,10 @@ class Query:
             self.record.palms_used = sequence.palms_used
         return sequence
 
-    def _incumbents(self, deadline: float) -> list[ContactPlan]:
+    def _incumbents(self, search_for: float) -> list[ContactPlan]:
         """The sequences of one round of search, best last."""
         limits = Limits(
-            deadline=max(deadline - self.record.planning_s, 0.0),
+            deadline=max(min(search_for - self.record.planning_s, self.context.deadline.left()), 0.0),
             expansions=self.options.expansions,
             improve=self._improve_for() if not self._rounds else 0.0,
             stop=self.options.stop,
@@ -169,6 +179,8 @@ class Query:
     def _make_motion(self, sequence: ContactPlan) -> MotionResult:
         """The motion over places where the robot can rest; where there is none, along the CoM of the whole dynamics."""
         stances, record = sequence.stances, self.record
+        if self.options.keep is not None:
+            self.options.keep(self._assemble(sequence, None), self.record.as_dict("contacts", "", None))
         self.tell(ProgressEvent("dynamics", f"{len(stances)} stances", sequence.cost, sequence.bound))
         motion = self._motion.run(stances, self.tell)
         if motion.centroidal is None and stances in self._courses:
@@ -186,6 +198,7 @@ class Query:
         """The plan and the verifier's report on it; neither where too much is wrong with the motion already."""
         if not motion.ok and not 0 < len(motion.problems) <= WORTH_VERIFYING:
             return None, None
+        self.context.deadline.check("before the verification")
         plan = self._assemble(sequence, motion)
         self.tell(ProgressEvent("verify", "", self.record.cost, self.record.bound))
         began = time.perf_counter()

@@ -1,0 +1,67 @@
+"""When a query has to stop: its time is over, or the user asked it to."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+class OutOfTimeError(Exception):
+    """The query has to stop; the message says why."""
+
+
+@dataclass
+class Deadline:
+    """The time of one query, from `start` on.
+
+    Attributes:
+        seconds: allowed altogether; None for as long as it takes.
+        stop: asked now and then; True ends the query.
+        used: seconds of these that were used before the clock started.
+    """
+
+    seconds: float | None = None
+    stop: Callable[[], bool] | None = None
+    used: float = 0.0
+    _began: float | None = None
+
+    def start(self) -> None:
+        """Starts the clock; what went before (kernels that compile) does not count."""
+        self._began = time.perf_counter()
+
+    def left(self) -> float:
+        """Seconds that remain, 0 when the time is over; inf without a limit."""
+        if self.seconds is None:
+            return float("inf")
+        gone = 0.0 if self._began is None else time.perf_counter() - self._began
+        return max(self.seconds - self.used - gone, 0.0)
+
+    def why(self) -> str:
+        """Why the query has to stop, "" while it has not to: "deadline" or "cancelled"."""
+        if self.stop is not None and self.stop():
+            return "cancelled"
+        return "deadline" if self.left() <= 0.0 else ""
+
+    def check(self, doing: str) -> None:
+        """Does nothing while there is time.
+
+        Args:
+            doing: what goes on, for the message.
+
+        Raises:
+            OutOfTimeError: the query has to stop.
+        """
+        why = self.why()
+        if why:
+            raise OutOfTimeError(self.message(doing))
+
+    def message(self, doing: str) -> str:
+        """One line that says why it ended, and where.
+
+        Args:
+            doing: what went on, "during the motion" for example.
+        """
+        if self.why() == "cancelled":
+            return f"stopped {doing}"
+        return f"the deadline of {self.seconds:g} s ended {doing}"
