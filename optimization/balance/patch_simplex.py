@@ -15,13 +15,15 @@ h_z + mu |h_xy| cannot win is passed over whole.
 
 State of m = rows + n basic columns:
 
-    T       (m + 2, m + 2)  rows: the basic ones, then two objectives as minus their multipliers (phase 1 uses one);
-                            columns: the inverse of the basis, the right-hand side, the shifted right-hand side
+    T       (m + 2, m + 1)  rows: the basic ones, then two objectives as minus their multipliers (phase 1 uses one);
+                            columns: the inverse of the basis, the right-hand side
     basic   (m,)            number of the basic column of each row
     w       (m + 2,)        the entering column in terms of the basis, then its reduced costs
 
-A right-hand side full of zeros makes bases degenerate. The ratio test therefore reads the second right-hand side, which
-is shifted by about 1e-11 and cannot cycle; answers are read from the exact one.
+A right-hand side full of zeros makes bases degenerate, so the right-hand side is shifted by about 1e-11 before the
+start. Every answer is exact for the shifted problem, which stands for the asked one as long as friction or a limit
+leaves any play. Reading the unshifted right-hand side off the same bases would be wrong: a basis of nearly level
+contacts stretches the shift by the inverse of the tilt.
 """
 
 from __future__ import annotations
@@ -119,15 +121,16 @@ def _field(contacts: np.ndarray, c: int, y: np.ndarray) -> tuple[float, float, f
 
 
 @njit(cache=True)
-def best_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray) -> int:
+def best_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray, least: float) -> int:
     """The generator or slack with the greatest reduced cost, -1 when none is worth entering.
 
     Args:
         contacts, generators: (n, 15) as packed and (n, G, 3).
         y: (6 + n,) on the six rows and on the contacts' force limits.
+        least: reduced cost that a column must exceed [m or 1].
     """
     n, G = generators.shape[0], generators.shape[1]
-    best, best_j = ENTERS, -1
+    best, best_j = least, -1
     for c in range(n):
         f = _field(contacts, c, y)
         limit = y[WRENCH + c]
@@ -196,7 +199,7 @@ def transform(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, w: np
     Args:
         contacts: (n, 15) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
-        T: (m + 2, m + 2) tableau.
+        T: (m + 2, m + 1) tableau.
         w: (m + 2,) receives the column.
         j: number of the column.
     """
@@ -221,7 +224,7 @@ def transform_moving(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray
     Args:
         contacts: (n, 15) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
-        T: (m + 2, m + 2) tableau.
+        T: (m + 2, m + 1) tableau.
         w: (m + 2,) receives the column.
         j: number of the column.
     """
@@ -237,14 +240,14 @@ def leaving_row(T: np.ndarray, w: np.ndarray) -> int:
     """The row that first reaches zero when the entering column grows, -1 when none does.
 
     Args:
-        T: (m + 2, m + 2) tableau.
+        T: (m + 2, m + 1) tableau.
         w: (m + 2,) the entering column in terms of the basis.
     """
     m = T.shape[0] - 2
     best, row = np.inf, -1
     for i in range(m):
         if w[i] > PIVOT:
-            ratio = T[i, m + 1] / w[i]
+            ratio = max(T[i, m], 0.0) / w[i]
             if ratio < best:
                 best, row = ratio, i
     return row
@@ -255,7 +258,7 @@ def pivot(T: np.ndarray, basic: np.ndarray, w: np.ndarray, row: int, j: int) -> 
     """Exchanges the basic column of `row` for the transformed column j.
 
     Args:
-        T: (m + 2, m + 2) tableau; written.
+        T: (m + 2, m + 1) tableau; written.
         basic: (m,) number of the basic column of each row; written.
         w: (m + 2,) the entering column in terms of the basis.
         row: of the column that leaves.
@@ -292,7 +295,7 @@ def find_feasible(
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         force_limit: (n,) greatest normal force of each contact [M g].
         x, y: CoM from the mean of the contacts, in W [m].
-        T: (m + 2, m + 2) zeros; written.
+        T: (m + 2, m + 1) zeros; written.
         basic: (m,) written.
         w: (m + 2,) scratch.
 
@@ -310,19 +313,20 @@ def find_feasible(
         T[5, 5], T[5, m] = (1.0 if y >= 0 else -1.0), abs(y)
     for c in range(n):
         T[rows + c, m] = force_limit[c]
-    shift_right_hand_side(T)
+    for i in range(m):
+        T[i, m] += shift(i)
     for i in range(rows):
-        for k in range(m + 2):
+        for k in range(m + 1):
             T[m, k] += T[i, k]
     multipliers = np.zeros(WRENCH + n)
     for _ in range(MAX_PIVOTS):
-        if T[m, m + 1] < SHIFT:
+        if T[m, m] < SHIFT:
             break
         for k in range(rows):
             multipliers[k] = T[m, k]
         for k in range(n):
             multipliers[WRENCH + k] = T[m, rows + k]
-        j = best_column(contacts, generators, multipliers)
+        j = best_column(contacts, generators, multipliers, ENTERS)
         if j < 0:
             break
         transform(contacts, generators, T, w, j)
@@ -330,12 +334,48 @@ def find_feasible(
         if row < 0:
             return False
         pivot(T, basic, w, row, j)
-    return bool(T[m, m + 1] <= FEASIBLE)
+    return bool(T[m, m] <= FEASIBLE)
 
 
 @njit(cache=True)
-def shift_right_hand_side(T: np.ndarray) -> None:
-    """Makes every basic weight positive in the shifted right-hand side, by amounts without a common measure."""
-    m = T.shape[0] - 2
+def shift(i: int) -> float:
+    """What the right-hand side of row i is shifted by: small amounts without a common measure."""
+    return SHIFT * (1.0 + (i * 0.6180339887498949) % 1.0)
+
+
+@njit(cache=True)
+def set_objectives(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray) -> None:
+    """Fills the objective rows with minus the multipliers of the CoM's x and y; their right-hand side is (-x, -y).
+
+    Args:
+        contacts: (n, 15) from `pack`.
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+        T: (m + 2, m + 1) tableau; its last two rows are written.
+        basic: (m,) number of the basic column of each row.
+    """
+    m = basic.shape[0]
+    for k in range(m + 1):
+        T[m, k], T[m + 1, k] = 0.0, 0.0
     for i in range(m):
-        T[i, m + 1] = max(T[i, m], 0.0) + SHIFT * (1.0 + (i * 0.6180339887498949) % 1.0)
+        if basic[i] < 4 * contacts.shape[0] * generators.shape[1]:
+            a = wrench(contacts, generators, basic[i])
+            for k in range(m + 1):
+                T[m, k] -= a[4] * T[i, k]
+                T[m + 1, k] -= a[5] * T[i, k]
+
+
+@njit(cache=True)
+def multipliers(T: np.ndarray, ux: float, uy: float, y: np.ndarray) -> None:
+    """Multipliers of the objective ux x + uy y over the six rows and the limits.
+
+    Args:
+        T: (m + 2, m + 1) tableau with its objective rows set.
+        ux, uy: direction.
+        y: (6 + n,) written.
+    """
+    m = T.shape[0] - 2
+    for k in range(4):
+        y[k] = ux * T[m, k] + uy * T[m + 1, k]
+    y[4], y[5] = ux, uy
+    for k in range(4, m):
+        y[WRENCH + k - 4] = ux * T[m, k] + uy * T[m + 1, k]

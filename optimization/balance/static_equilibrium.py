@@ -30,16 +30,21 @@ from optimization.balance.patch_simplex import (
     best_column,
     find_feasible,
     leaving_row,
+    multipliers,
     next_column,
     pack,
     pivot,
-    shift_right_hand_side,
+    set_objectives,
+    shift,
     transform,
     transform_moving,
-    wrench,
 )
+from optimization.balance.proved_polygon import complete, right_hand_side
 
 MAX_WALK = 2000  # pivots of one polygon; 4 contacts under the 16-gon take 100
+SMALL = 1e-4  # pivots below this or above its inverse lose digits
+SHORT = 1e-6  # [m] per unit of weight: an edge that moves the centre of mass less has no sure direction
+BACK = 1e-9  # [rad] that rounding may turn the direction back
 DISTINCT = 1e-9  # [m] vertices that stand out less than this are left out
 COARSER = 1e-5  # [m] where thinning starts once there are too many
 
@@ -91,7 +96,7 @@ def is_balanced(
 
 @njit(cache=True)
 def _new_basis(m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.zeros((m + 2, m + 2)), np.empty(m, np.int64), np.empty(m + 2)
+    return np.zeros((m + 2, m + 1)), np.empty(m, np.int64), np.empty(m + 2)
 
 
 @njit(cache=True)
@@ -120,24 +125,33 @@ def com_polygon(
     if not find_feasible(contacts, generators, force_limit, 0.0, 0.0, T, basic, w):
         return 0
     _drop_artificial(contacts, generators, T, basic, w)
-    _set_objectives(contacts, generators, T, basic)
+    set_objectives(contacts, generators, T, basic)
     path = np.empty((MAX_WALK, 2))
-    count = _walk_around(contacts, generators, T, basic, w, path)
-    count = _thin(path, count, out)
-    for i in range(count):
+    first = basic.copy()
+    b = right_hand_side(contacts, generators, T, basic)
+    count, proved = _walk_around(contacts, generators, T, basic, w, path)
+    corners = _thin(path, count, out) if proved else 0
+    if not proved or not _is_convex(out, corners):
+        count = complete(contacts, generators, b, basic, first, path, count)
+        corners = _thin(path, count, out)
+    for i in range(corners):
         out[i, 0] += x
         out[i, 1] += y
-    return count
+    return corners
 
 
 @njit(cache=True)
 def _drop_artificial(
     contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray
 ) -> None:
-    """Exchanges artificial columns at zero for real ones; a row that has none is redundant and stays as it is."""
+    """Exchanges artificial columns for real ones; a row that has none is redundant and stays as it is.
+
+    What an artificial column still weighs is at most what may be left unbalanced: it is struck off the right-hand side.
+    """
     n = contacts.shape[0]
+    m = 4 + n
     y = np.zeros(WRENCH + n)
-    for i in range(4 + n):
+    for i in range(m):
         if basic[i] < 4 * n * generators.shape[1] + n:
             continue
         chosen, size = basic[i], PIVOT
@@ -146,88 +160,71 @@ def _drop_artificial(
                 y[k] = sign * T[i, k]
             for k in range(n):
                 y[WRENCH + k] = sign * T[i, 4 + k]
-            j = best_column(contacts, generators, y)
+            j = best_column(contacts, generators, y, ENTERS)
             if j >= 0:
                 transform(contacts, generators, T, w, j)
                 if abs(w[i]) > size:
                     chosen, size = j, abs(w[i])
         if chosen != basic[i]:
             transform(contacts, generators, T, w, chosen)
+            T[i, m] = 0.0
             pivot(T, basic, w, i, chosen)
-    shift_right_hand_side(T)
-
-
-@njit(cache=True)
-def _set_objectives(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray) -> None:
-    """Fills the objective rows with minus the multipliers of the CoM's x and y; their right-hand side is (-x, -y)."""
-    m = basic.shape[0]
-    for k in range(m + 2):
-        T[m, k], T[m + 1, k] = 0.0, 0.0
-    for i in range(m):
-        if basic[i] < 4 * contacts.shape[0] * generators.shape[1]:
-            a = wrench(contacts, generators, basic[i])
-            for k in range(m + 2):
-                T[m, k] -= a[4] * T[i, k]
-                T[m + 1, k] -= a[5] * T[i, k]
-
-
-@njit(cache=True)
-def _multipliers(T: np.ndarray, ux: float, uy: float, y: np.ndarray) -> None:
-    """Multipliers of the objective ux x + uy y over the six rows and the limits."""
-    m = T.shape[0] - 2
-    for k in range(4):
-        y[k] = ux * T[m, k] + uy * T[m + 1, k]
-    y[4], y[5] = ux, uy
-    for k in range(4, m):
-        y[WRENCH + k - 4] = ux * T[m, k] + uy * T[m + 1, k]
+            T[i, m] = shift(i)
 
 
 @njit(cache=True)
 def _walk_around(
     contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, basic: np.ndarray, w: np.ndarray, path: np.ndarray
-) -> int:
-    """Writes the vertices met while the direction u turns once to the left, and returns how many.
+) -> tuple[int, bool]:
+    """Writes the vertices met while the direction u turns once to the left; (how many, whether these are all).
 
     u starts at an optimum. The column of the next edge enters; its reduced costs (rx, ry) are that edge's direction, so
     u becomes (ry, -rx), the edge's outward normal. No column is ever free to grow without end, because normal forces
-    are limited; should rounding say so, or the walk outgrow `path`, it stops with the part of the polygon it has seen.
+    are limited.
+
+    Rounding spoils the walk where an edge is so short that its direction is lost, or a pivot so small or so great that
+    the basis is nearly singular. Contacts that are tilted by 1e-10 to 1e-5 rad have both. The walk then says that
+    vertices may be missing, and stops before a vertex can be wrong.
     """
     m = basic.shape[0]
     y, z = np.empty(WRENCH + m - 4), np.empty(WRENCH + m - 4)
     ux, uy = 0.8, 0.6
-    for _ in range(MAX_PIVOTS):
-        _multipliers(T, ux, uy, y)
-        j = best_column(contacts, generators, y)
+    for turn in range(MAX_PIVOTS):
+        multipliers(T, ux, uy, y)
+        j = best_column(contacts, generators, y, ENTERS)
         if j < 0:
             break
         transform_moving(contacts, generators, T, w, j)
         row = leaving_row(T, w)
-        if row < 0:
-            break
+        if row < 0 or turn == MAX_PIVOTS - 1 or not SMALL < w[row] < 1.0 / SMALL:
+            return 0, False
         pivot(T, basic, w, row, j)
     path[0, 0], path[0, 1] = -T[m, m], -T[m + 1, m]
-    count, turned = 1, 0.0
+    count, turned, sharp = 1, 0.0, True
     while count < path.shape[0]:
-        _multipliers(T, ux, uy, y)
-        _multipliers(T, -uy, ux, z)
+        multipliers(T, ux, uy, y)
+        multipliers(T, -uy, ux, z)
         j = next_column(contacts, generators, y, z)
         vx, vy = -uy, ux
         if j >= 0:
             transform_moving(contacts, generators, T, w, j)
             length = np.sqrt(w[m] * w[m] + w[m + 1] * w[m + 1])
             vx, vy = w[m + 1] / length, -w[m] / length
-        turned += max(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy), 0.0)
+            sharp = sharp and length > SHORT
+        turn = np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy)
+        sharp = sharp and turn > -BACK
+        turned += max(turn, 0.0)
         if turned > 2 * np.pi - ENTERS:
-            return count
+            return count, sharp
         ux, uy = vx, vy
         if j >= 0:
             row = leaving_row(T, w)
-            if row < 0:
-                return count
+            if row < 0 or not SMALL < w[row] < 1.0 / SMALL:
+                return count, False
             pivot(T, basic, w, row, j)
             path[count, 0], path[count, 1] = -T[m, m], -T[m + 1, m]
             count += 1
-    return count
+    return count, False
 
 
 @njit(cache=True)
@@ -263,6 +260,16 @@ def _stands_out(path: np.ndarray, first: int, last: int, a: int, b: int, slack: 
         if _distance(path[i, 0], path[i, 1], path, a, b) > slack:
             return True
     return False
+
+
+@njit(cache=True)
+def _is_convex(out: np.ndarray, count: int) -> bool:
+    """Whether a closed path turns left at every vertex."""
+    for i in range(count if count > 2 else 0):
+        a, b, c = out[i - 1 if i > 0 else count - 1], out[i], out[i + 1 if i + 1 < count else 0]
+        if (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) <= 0.0:
+            return False
+    return True
 
 
 @njit(cache=True)
