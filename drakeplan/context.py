@@ -11,7 +11,7 @@ from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.deadline import Deadline
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
-from scenes.footholds.start_stance import check_goal, start_stance
+from scenes.footholds.start_stance import check_goal, floor_notes, start_stance
 from scenes.robots.plant import RobotPlant, build_plant
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
@@ -61,12 +61,17 @@ class QueryContext:
 
     @cached_property
     def goal(self) -> Goal:
-        """The goal with its height.
+        """The goal at the height of its floor.
 
         Raises:
             InputError: the scene has no goal, or no ground takes a sole near it.
         """
-        return check_goal(self.scene, self.packed, self.robot)
+        return check_goal(self.scene, self.packed, self.robot, float(self.start.feet_mean()[2]))
+
+    @cached_property
+    def floor_notes(self) -> list[str]:
+        """A line for each of start and goal that had several floors to choose from."""
+        return floor_notes(self.scene, self.packed, self.robot, self.start, self.goal)
 
     @cached_property
     def torso_grid(self) -> TorsoGrid:

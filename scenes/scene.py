@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from scenes.contact import Contact
 from scenes.disturbance import Disturbance
 from scenes.terrain.terrain import Terrain
+
+GOAL_HEIGHT = 0.5  # [m] the mean of the feet may end this far above or below the goal: ground is uneven, floors are further
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,7 +18,7 @@ class Start:
     """Where the robot begins.
 
     Attributes:
-        xyz: (3,) mean of the feet [m]; z is a hint, the feet are set down on the terrain.
+        xyz: (3,) mean of the feet [m]; z names the floor that the feet are set down on, NaN leaves it open.
         yaw: heading [rad].
         stance: contacts given one by one instead; empty means "set the feet down at xyz".
     """
@@ -29,7 +33,7 @@ class Goal:
     """Where the mean of the feet should end.
 
     Attributes:
-        xyz: (3,) [m].
+        xyz: (3,) [m]; z names the floor, NaN leaves it open.
         radius: horizontal distance that counts as there [m].
         yaw: heading to end with [rad], None for any.
     """
@@ -37,6 +41,12 @@ class Goal:
     xyz: tuple[float, float, float]
     radius: float = 0.2
     yaw: float | None = None
+
+    def height_off(self, z: np.ndarray | float) -> np.ndarray | float:
+        """How far heights [m] lie beyond those of the goal's floor [m]: 0 within `GOAL_HEIGHT`, or where z is open."""
+        if not np.isfinite(self.xyz[2]):
+            return 0.0 * z
+        return np.maximum(np.abs(z - self.xyz[2]) - GOAL_HEIGHT, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

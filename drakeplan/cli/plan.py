@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 ABOUT = """Plans how a robot crosses a scene with its feet and palms, and has the plan verified.
 
 SCENE is a name (drakeplan scenes list), a scene file, hpp/MESH (a mesh of the hpp-environments package) or a mesh file.
-Lengths in metres, angles in degrees, times in seconds. A start or goal is set down on the terrain.
+Lengths in metres, angles in degrees, times in seconds. A start or goal is set down on the terrain:
+on the floor nearest its z, within 0.5 m.
 
 examples:
   drakeplan plan rubble_corridor --seed 3 --out plan.h5 --html plan.html
@@ -69,6 +70,10 @@ class Arguments:
     """start: mean of the feet and heading (default: the scene's)"""
     goal: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]", help_behavior_hint="")] = ()
     """goal: mean of the feet and heading; without YAW any heading (default: the scene's)"""
+    start_z: Annotated[float | None, tyro.conf.arg(metavar="Z", help_behavior_hint="")] = None
+    """height of the start's floor, where several lie over each other (default: the lowest with head room)"""
+    goal_z: Annotated[float | None, tyro.conf.arg(metavar="Z", help_behavior_hint="")] = None
+    """height of the goal's floor (default: the one nearest the start's height)"""
     goal_radius: Annotated[float | None, tyro.conf.arg(metavar="R", help_behavior_hint="")] = None
     """greatest distance from the goal (default: the scene's, else 0.2)"""
     friction: Annotated[float | None, tyro.conf.arg(metavar="MU", help_behavior_hint="")] = None
@@ -208,6 +213,8 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         seed=arguments.seed,
         start=_in_radians(arguments.start),
         goal=_in_radians(arguments.goal),
+        start_z=arguments.start_z,
+        goal_z=arguments.goal_z,
         goal_radius=arguments.goal_radius,
         friction=arguments.friction,
         cone=FrictionCone(arguments.cone),

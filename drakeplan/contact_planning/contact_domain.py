@@ -125,10 +125,11 @@ class ContactDomain:
         """(n,) distance to the goal of the mean of the feet, as the chosen heuristic measures it [m]."""
         mean, yaw = self._feet(states)
         straight = np.hypot(*(mean[:, :2] - self._goal_xy).T)
+        climb = self.goal.height_off(mean[:, 2])
         if self._heuristic_name == "admissible":
-            return np.maximum(straight - self.goal.radius, 0.0)
+            return np.hypot(np.maximum(straight - self.goal.radius, 0.0), climb)
         if self._heuristic_name == "euclidean":
-            return straight
+            return np.hypot(straight, climb)
         distance = self.grid.distance(mean[:, 0], mean[:, 1], yaw)
         # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
         return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
@@ -140,9 +141,9 @@ class ContactDomain:
         return mean, _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
 
     def is_goal(self, state: State) -> bool:
-        """Whether the mean of the feet is in the goal region."""
+        """Whether the mean of the feet is in the goal region, on the goal's floor."""
         mean = 0.5 * (self.pool.p[state[0]] + self.pool.p[state[1]])
-        if np.hypot(*(mean[:2] - self._goal_xy)) > self.goal.radius:
+        if np.hypot(*(mean[:2] - self._goal_xy)) > self.goal.radius or self.goal.height_off(float(mean[2])) > 0:
             return False
         if self.goal.yaw is None:
             return True

@@ -28,6 +28,8 @@ class PlanOptions:
         seed: of every random choice.
         start: (x, y) or (x, y, yaw) that replaces the scene's.
         goal: the same for the goal.
+        start_z: height of the start's floor; without it the start given here stands on the lowest with head room.
+        goal_z: height of the goal's floor; without it the goal given here is on the one nearest the start's height.
         goal_radius: replaces the goal's.
         friction: replaces every friction in the scene.
         cone: friction cone.
@@ -52,6 +54,8 @@ class PlanOptions:
     seed: int = 0
     start: tuple[float, ...] | None = None
     goal: tuple[float, ...] | None = None
+    start_z: float | None = None
+    goal_z: float | None = None
     goal_radius: float | None = None
     friction: float | None = None
     cone: FrictionCone = DEFAULT_CONE
@@ -79,18 +83,27 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
 
     Args:
         scene: as loaded.
-        options: whose start, goal, goal radius and friction replace the scene's.
+        options: whose start, goal, their heights, goal radius and friction replace the scene's.
+
+    Raises:
+        InputError: a height for a start that is given as a stance.
     """
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
         x, y, *heading = options.start
-        start = Start((x, y, float("nan")), heading[0] if heading else 0.0)  # the ground says how high
+        start = Start((x, y, float("nan")), heading[0] if heading else 0.0)  # the floors there say how high
+    if options.start_z is not None and start is not None:
+        if start.stance:
+            raise InputError(f"--start-z: scene {scene.name} gives the start as a stance; give --start X Y too")
+        start = dataclasses.replace(start, xyz=(*start.xyz[:2], options.start_z))
     radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
     if options.goal is not None:
         x, y, *heading = options.goal
         goal = Goal((x, y, float("nan")), radius, heading[0] if heading else None)
     elif goal is not None:
         goal = dataclasses.replace(goal, radius=radius)
+    if options.goal_z is not None and goal is not None:
+        goal = dataclasses.replace(goal, xyz=(*goal.xyz[:2], options.goal_z))
     if options.friction is not None:
         surfaces = tuple(dataclasses.replace(s, friction=options.friction) for s in terrain.surfaces)
         terrain = dataclasses.replace(terrain, surfaces=surfaces)
@@ -113,6 +126,10 @@ def check_options(options: PlanOptions) -> None:
         value = getattr(options, key)
         if value is not None and not (np.isfinite(value) and value >= 0):
             raise InputError(f"--{key.replace('_', '-')}: expected a finite number >= 0, got {value}")
+    for key in ("start_z", "goal_z"):
+        value = getattr(options, key)
+        if value is not None and not np.isfinite(value):
+            raise InputError(f"--{key.replace('_', '-')}: expected a finite number, got {value}")
     if options.friction is not None and not 0.0 < options.friction <= MOST_FRICTION:
         raise InputError(f"--friction: expected more than 0, at most {MOST_FRICTION:g}, got {options.friction:g}")
     for key in ("start", "goal"):

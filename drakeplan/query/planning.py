@@ -61,10 +61,11 @@ def plan_scene(
         record.compile_s = _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
     deadline.start()
-    tell(ProgressEvent("search", elapsed=0.0))
+    record.notes += context.floor_notes
     dynamics = _dynamics(context, options, record.notes)
     for note in record.notes:
         tell(ProgressEvent("load", note))
+    tell(ProgressEvent("search", elapsed=0.0))
     result = _attempt(context, options, dynamics, record, tell)
     if _may_fall_back(context, options, dynamics) and result.status != "complete" and record.expansions:
         record.notes.append(

@@ -70,8 +70,10 @@ positions q and velocities v. #(...) counts rows. All values are the worst of th
 | terrain collision | depth of penetration | 5e-3 m | collision shapes and the terrain are simplified |
 | sole and palm collision | depth of penetration | 0.01 m | a held contact may be 5 mm and 1 deg off besides |
 | start | mean of the feet to the scene's start; a given stance within 1 mm | 0.15 m | set-down tries places up to 0.14 m away |
+| start height | mean height of the feet to the scene's start; not for a given stance | 0.15 m | the planner writes that height |
 | start heading | mean heading to the scene's start; a given stance within 1e-3 rad | 5 deg | headings are projected on tilted ground |
 | goal | mean of the feet to the scene's goal | the scene's radius | the scene says so |
+| goal height | mean height of the feet to the scene's goal | 0.5 m | uneven ground; another floor is further |
 | goal heading | mean heading to the scene's goal | 15 deg | half a cell of the planner's grid of headings |
 
 "today" is the worst that `drakeplan bench verifier` and other seeds of its scenes gave; the limit adds a little room, so that

@@ -7,10 +7,12 @@ import numpy as np
 from .geometry import angle_between
 from .limits import (
     EFFECTORS,
+    GOAL_HEIGHT,
     GOAL_YAW,
     START_DISTANCE,
     START_EXACT,
     START_EXACT_ANGLE,
+    START_HEIGHT,
     START_YAW,
 )
 from .plan_file import PlanFile, UnreadablePlan
@@ -37,10 +39,12 @@ def check_ends(sheet: Sheet, plan: PlanFile, scene: Scene) -> None:
             xyz, yaw = triple(scene.start["xyz"]), float(scene.start.get("yaw") or 0.0)
             mean, heading = _feet(plan, stances[0])
             sheet.add("start", np.linalg.norm(mean[:2] - xyz[:2]), START_DISTANCE, "m", _spot(mean))
+            sheet.add("start height", abs(mean[2] - xyz[2]), START_HEIGHT, "m", _spot(mean))
             sheet.add("start heading", abs(_wrap(heading - yaw)), START_YAW, "rad", f"heading {heading:.3f}")
         xyz, radius = triple(scene.goal["xyz"]), float(scene.goal.get("radius", 0.2))
         mean, heading = _feet(plan, stances[-1])
         sheet.add("goal", np.linalg.norm(mean[:2] - xyz[:2]), radius + 1e-9, "m", _spot(mean))
+        sheet.add("goal height", abs(mean[2] - xyz[2]), GOAL_HEIGHT + 1e-9, "m", _spot(mean))
         if scene.goal.get("yaw") is not None:
             off = abs(_wrap(heading - float(scene.goal["yaw"])))
             sheet.add("goal heading", off, GOAL_YAW + 1e-9, "rad", f"heading {heading:.3f}")
@@ -77,7 +81,7 @@ def _feet(plan: PlanFile, stance: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _spot(point: np.ndarray) -> str:
-    return f"mean of the feet at x {point[0]:.3f}, y {point[1]:.3f}"
+    return f"mean of the feet at x {point[0]:.3f}, y {point[1]:.3f}, z {point[2]:.3f}"
 
 
 def _wrap(angle: float) -> float:

@@ -51,7 +51,9 @@ ACCELERATION = 300.0  # [rad/s^2] of a joint
 TORQUE = 3.0  # share of an actuator's limit
 
 START_DISTANCE, START_YAW = 0.15, np.deg2rad(5.0)  # [m, rad] set-down may move the feet off rough ground
+START_HEIGHT = 0.15  # [m] the scene's start is at the mean height of the feet
 START_EXACT, START_EXACT_ANGLE = 1e-3, 1e-3  # [m, rad] where the scene gives the stance itself
+GOAL_HEIGHT = 0.5  # [m] another floor is further: there is head room between two
 GOAL_YAW = np.deg2rad(15.0)
 
 PLATE_THICKNESS = 0.02  # [m] a surface that stands alone is a plate that reaches this far behind its face

@@ -43,7 +43,7 @@ class FootstepProgram:
               |p_i - p_stand - R(theta_stand) o_k| <= r_k, k = 1, 2                 reach: a lens, second order
               |z_i - z_stand| <= rise,  |p_i - p_old| <= stride                     step
               |p_palm - mean - R(theta) shoulder| <= arm + M free                   held palms, second order
-              |mean of the last feet - goal| <= radius                              goal
+              |mean of the last feet - goal| <= radius, in height <= 0.5 m          goal
 
     Deits & Tedrake 2014, eq. 1-13, with surfaces shrunk by the sole at every heading of the interval in place of IRIS
     regions. Decision variables: per contact p (3) [m], heading, cosine, sine, and one binary per candidate region.
@@ -257,6 +257,8 @@ class FootstepProgram:
         mean = 0.5 * (last[0].p + last[1].p) - np.array([*goal.xyz[:2], 0.0])
         _cone(self.prog, [goal.radius - SAME_PLACE, mean[0], mean[1]], "goal")
         self.prog.AddQuadraticCost(self.options.goal * (mean[0] ** 2 + mean[1] ** 2), True)
+        if np.isfinite(goal.xyz[2]):
+            _between(self.prog, mean[2] - goal.xyz[2], -GOAL_HEIGHT, GOAL_HEIGHT, "goal height")
         if goal.yaw is None:
             return
         turn = 0.5 * (last[0].heading + last[1].heading) - goal.yaw  # type: ignore[operator]

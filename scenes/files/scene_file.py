@@ -102,7 +102,7 @@ def scene_from_yaml(
     if not surfaces:
         raise InputError(f"{source}: surfaces: expected at least one, listed here or from a mesh")
     terrain = Terrain(tuple(surfaces), tuple(obstacles), tuple(flags))
-    goal = entry.goal and Goal(entry.goal.xyz, entry.goal.radius, entry.goal.yaw)
+    goal = entry.goal and Goal(_place(entry.goal.xyz), entry.goal.radius, entry.goal.yaw)
     return Scene(
         name=entry.name or name,
         terrain=terrain,
@@ -212,7 +212,7 @@ def _start(entry: StartEntry, terrain: Terrain, source: str) -> Start:
     if entry.stance is None:
         if entry.xyz is None:
             raise InputError(f"{source}: start: expected xyz or stance")
-        return Start(entry.xyz, entry.yaw or 0.0)
+        return Start(_place(entry.xyz), entry.yaw or 0.0)
     if entry.xyz is not None or entry.yaw is not None:
         raise InputError(f"{source}: start: expected xyz and yaw, or stance, not both")
     given = [(e, getattr(entry.stance, e)) for e in EFFECTORS]
@@ -223,6 +223,12 @@ def _start(entry: StartEntry, terrain: Terrain, source: str) -> Start:
     mean = np.mean([c.p_WC for c in feet], axis=0)
     yaw = np.arctan2(sum(np.sin(c.heading) for c in feet), sum(np.cos(c.heading) for c in feet))
     return Start((float(mean[0]), float(mean[1]), float(mean[2])), float(yaw), contacts)
+
+
+def _place(xyz: tuple[float, float, float | None]) -> tuple[float, float, float]:
+    """The place with NaN for a height that is left open."""
+    x, y, z = xyz
+    return x, y, np.nan if z is None else z
 
 
 def _contact(effector: str, entry: ContactEntry, terrain: Terrain, source: str) -> Contact:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from scenes.files.strict_yaml import key_path
@@ -22,6 +22,14 @@ Friction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=10)
 Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 Name = Annotated[str, Field(strict=True, min_length=1, max_length=200)]
 Triple = tuple[Number, Number, Number]
+
+
+def _open_height(place: object) -> object:
+    """A place of two numbers with its third left open."""
+    return [*place, None] if isinstance(place, list) and len(place) == 2 else place
+
+
+Place = Annotated[tuple[Number, Number, Number | None], BeforeValidator(_open_height)]
 Effector = Literal["left_foot", "right_foot", "left_palm", "right_palm"]
 
 
@@ -95,17 +103,17 @@ class StanceEntry(_Strict):
 
 
 class StartEntry(_Strict):
-    """The mean of the feet [m] and the heading [rad], or a whole stance."""
+    """The mean of the feet [m] and the heading [rad], or a whole stance; without a third number any floor."""
 
-    xyz: Triple | None = None
+    xyz: Place | None = None
     yaw: Number | None = None
     stance: StanceEntry | None = None
 
 
 class GoalEntry(_Strict):
-    """Where the mean of the feet should end [m], how near, and the heading [rad]."""
+    """Where the mean of the feet should end [m], how near, and the heading [rad]; without a third number any floor."""
 
-    xyz: Triple
+    xyz: Place
     radius: Positive = 0.2
     yaw: Number | None = None
 

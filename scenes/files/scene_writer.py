@@ -71,7 +71,7 @@ def scene_to_yaml(scene: Scene, *, meshes_as_surfaces: bool = False, folder: Pat
         lines += _start_lines(scene.start, [_surface_name(s, m) for s, m in _flagged(terrain)])
     if scene.goal is not None:
         yaw = "null" if scene.goal.yaw is None else _number(scene.goal.yaw)
-        lines.append(f"goal: {{xyz: {_list(scene.goal.xyz)}, radius: {_number(scene.goal.radius)}, yaw: {yaw}}}")
+        lines.append(f"goal: {{xyz: {_place(scene.goal.xyz)}, radius: {_number(scene.goal.radius)}, yaw: {yaw}}}")
     return "\n".join(lines) + "\n"
 
 
@@ -130,7 +130,7 @@ def _disturbance_text(disturbance: Disturbance) -> str:
 
 def _start_lines(start: Start, names: list[str]) -> list[str]:
     if not start.stance:
-        return [f"start: {{xyz: {_list(start.xyz)}, yaw: {_number(start.yaw)}}}"]
+        return [f"start: {{xyz: {_place(start.xyz)}, yaw: {_number(start.yaw)}}}"]
     lines = ["start:", "  stance:"]
     for c in start.stance:
         rpy = _list(rotation_rpy(c.R_WC))
@@ -140,6 +140,11 @@ def _start_lines(start: Start, names: list[str]) -> list[str]:
 
 def _pose_text(X: np.ndarray) -> str:
     return f"{{xyz: {_list(X[:3, 3])}, rpy: {_list(rotation_rpy(X[:3, :3]))}}}"
+
+
+def _place(xyz: tuple[float, float, float]) -> str:
+    """A place, with two numbers where its height is left open."""
+    return _list(xyz if np.isfinite(xyz[2]) else xyz[:2])
 
 
 def _list(numbers: Iterable[float]) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
 from scenes.effector import EFFECTORS
+from scenes.footholds.floors import Floor, by_preference, choice_note, floors_around, has_head_room, no_floor_near
 from scenes.footholds.projection import set_down
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
@@ -23,7 +25,6 @@ NUDGES = (
     0.1,
     -0.1,
 )  # [m] tried forward and sideways where the exact place takes no sole
-Z_WINDOW = 0.5  # [m] around a start's z in which its ground is looked for
 
 
 def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
@@ -42,57 +43,145 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
             raise InputError(f"scene {scene.name}: start.stance: expected both left_foot and right_foot")
         return stance
     x, y, z = start.xyz
-    z_range = (z - Z_WINDOW, z + Z_WINDOW) if np.isfinite(z) else (-np.inf, np.inf)
+    floors = start_floors(scene, packed, robot)
+    wanted = by_preference(floors, z, np.nan)
+    if floors and not wanted:
+        raise no_floor_near(f"scene {scene.name}: start", floors, z)
+    cramped: Stance | None = None
+    for floor in wanted:
+        stance = _set_feet_down(packed, robot, (x, y, start.yaw), floor.window(z))
+        if stance is not None:
+            if not floor.head_room or has_head_room(packed, robot, *stance.feet_mean()):
+                return cramped or stance
+            cramped = cramped or stance
+    if cramped is not None:
+        return cramped
+    raise InputError(
+        f"scene {scene.name}: start: no ground takes both soles near x {x:g}, y {y:g}; {extent_text(scene)}"
+    )
+
+
+def _set_feet_down(
+    packed: PackedTerrain, robot: Robot, place: tuple[float, float, float], z_range: tuple[float, float]
+) -> Stance | None:
+    """Both feet around a place (x, y, yaw) on ground in a range of heights; None where the soles do not fit."""
+    x, y, yaw = place
     half_width = 0.5 * robot.foot_separation[1]
-    c, s = np.cos(start.yaw), np.sin(start.yaw)
+    c, s = np.cos(yaw), np.sin(yaw)
     for forward in NUDGES:
         feet = []
         for k, side in enumerate((1.0, -1.0)):
             for sideways in NUDGES:
                 across = side * max(half_width + side * sideways, 0.5 * robot.foot_separation[0])
                 px, py = x + c * forward - s * across, y + s * forward + c * across
-                foot = set_down(
-                    packed,
-                    EFFECTORS[k],
-                    px,
-                    py,
-                    start.yaw,
-                    robot.effectors[k].half_extent,
-                    z_range,
-                    overhang=robot.effectors[k].overhang,
-                )
+                spec = robot.effectors[k]
+                foot = set_down(packed, EFFECTORS[k], px, py, yaw, spec.half_extent, z_range, overhang=spec.overhang)
                 if foot is not None:
                     feet.append(foot)
                     break
         if len(feet) == 2 and abs(feet[0].p_WC[2] - feet[1].p_WC[2]) <= robot.max_step_height:
             return Stance((feet[0], feet[1], None, None))
-    raise InputError(
-        f"scene {scene.name}: start: no ground takes both soles near x {x:g}, y {y:g}; {extent_text(scene)}"
-    )
+    return None
 
 
-def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot) -> Goal:
-    """The scene's goal, once some sole is known to fit near it; a height that is not a number becomes the ground's.
+def start_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Floor, ...]:
+    """The floors at a scene's start, lowest first: between the feet, or under them where there is nothing in between.
+
+    Args:
+        scene: with a start.
+        packed: its terrain.
+        robot: who starts there.
+    """
+    start = scene.start
+    if start is None or start.stance:
+        return ()
+    x, y, z = start.xyz
+    c, s = np.cos(start.yaw), np.sin(start.yaw)
+    half_width = 0.5 * robot.foot_separation[1]
+    across = [0.0, half_width, -half_width]
+    across += [side * half_width + shift for side in (1.0, -1.0) for shift in NUDGES[1:]]
+    points = ((x + c * f - s * a, y + s * f + c * a) for f in NUDGES for a in across)
+    return floors_around(packed, robot, points, start.yaw, z)
+
+
+def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float = np.nan) -> Goal:
+    """The scene's goal at the height of its floor, once some sole is known to fit near it.
+
+    The floor is the one nearest to the goal's z, within `Z_WINDOW`; without a z, the one nearest to the start's height.
+
+    Args:
+        scene: with a goal.
+        packed: its terrain.
+        robot: who goes there.
+        start_z: height of the start in W [m], NaN where it is not known: then the lowest floor is taken.
 
     Raises:
-        InputError: no goal, or no ground for a foot within the goal region.
+        InputError: no goal, no ground for a foot within the goal region, or no floor near the goal's z.
     """
     goal = scene.goal
     if goal is None:
         raise _missing(scene, "goal")
-    reach = goal.radius + robot.foot_separation[1]
+    floors = goal_floors(scene, packed, robot)
+    wanted = by_preference(floors, goal.xyz[2], start_z)
+    if wanted:
+        return dataclasses.replace(goal, xyz=(*goal.xyz[:2], wanted[0].z))
+    if floors:
+        raise no_floor_near(f"scene {scene.name}: goal", floors, goal.xyz[2])
+    raise InputError(
+        f"scene {scene.name}: goal: no ground takes a sole within {_goal_reach(goal, robot):.2f} m of "
+        f"x {goal.xyz[0]:g}, y {goal.xyz[1]:g}; {extent_text(scene)}"
+    )
+
+
+def goal_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Floor, ...]:
+    """The floors in a scene's goal region, as near to its middle as there are any, lowest first.
+
+    Args:
+        scene: with a goal.
+        packed: its terrain.
+        robot: who goes there.
+    """
+    goal = scene.goal
+    if goal is None:
+        return ()
+    found: tuple[Floor, ...] = ()
+    for turn in (0.0, 0.5 * np.pi):
+        points = _rings(goal.xyz[0], goal.xyz[1], _goal_reach(goal, robot))
+        floors = floors_around(packed, robot, points, (goal.yaw or 0.0) + turn, goal.xyz[2])
+        if any(f.head_room for f in by_preference(floors, goal.xyz[2], np.nan)):
+            return floors
+        found = found or floors
+    return found
+
+
+def _goal_reach(goal: Goal, robot: Robot) -> float:
+    """How far from the goal's middle a foot may stand when the robot is there [m]."""
+    return goal.radius + robot.foot_separation[1]
+
+
+def _rings(x: float, y: float, reach: float) -> Iterator[tuple[float, float]]:
+    """A point and rings about it, nearest first."""
     for radius in np.linspace(0.0, reach, 5):
         for angle in np.linspace(0.0, 2 * np.pi, 1 if radius == 0 else 12, endpoint=False):
-            x, y = goal.xyz[0] + radius * np.cos(angle), goal.xyz[1] + radius * np.sin(angle)
-            for yaw in (goal.yaw or 0.0, (goal.yaw or 0.0) + np.pi / 2):
-                foot = set_down(packed, EFFECTORS[0], x, y, yaw, robot.effectors[0].half_extent)
-                if foot is not None:
-                    z = goal.xyz[2] if np.isfinite(goal.xyz[2]) else float(foot.p_WC[2])
-                    return dataclasses.replace(goal, xyz=(goal.xyz[0], goal.xyz[1], z))
-    raise InputError(
-        f"scene {scene.name}: goal: no ground takes a sole within {reach:.2f} m of x {goal.xyz[0]:g}, "
-        f"y {goal.xyz[1]:g}; {extent_text(scene)}"
-    )
+            yield x + radius * np.cos(angle), y + radius * np.sin(angle)
+
+
+def floor_notes(scene: Scene, packed: PackedTerrain, robot: Robot, start: Stance, goal: Goal) -> list[str]:
+    """A line for each of start and goal that gives no height where there are several floors.
+
+    Args:
+        scene: as asked.
+        packed: its terrain.
+        robot: who crosses it.
+        start: the stance that was taken.
+        goal: with the height that was taken.
+    """
+    notes = []
+    if scene.start is not None and not np.isfinite(scene.start.xyz[2]):
+        notes.append(choice_note("start", start_floors(scene, packed, robot), float(start.feet_mean()[2])))
+    if scene.goal is not None and not np.isfinite(scene.goal.xyz[2]):
+        notes.append(choice_note("goal", goal_floors(scene, packed, robot), goal.xyz[2]))
+    return [note for note in notes if note]
 
 
 def standing_com(robot: Robot, stance: Stance) -> np.ndarray:

@@ -313,6 +313,9 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     "another start": (scene("start: {xyz: [0, 0, 0]", "start: {xyz: [0.2, 0, 0]"), {"start"}),
     "another heading": (scene("0], yaw: 0}\ngoal", "0], yaw: 0.2}\ngoal"), {"start heading"}),
     "another goal": (scene("xyz: [0.2, 0, 0], radius", "xyz: [0.5, 0, 0], radius"), {"goal"}),
+    "a start on another floor": (scene("start: {xyz: [0, 0, 0]", "start: {xyz: [0, 0, 2.4]"), {"start height"}),
+    "a goal on the floor above": (scene("xyz: [0.2, 0, 0], radius", "xyz: [0.2, 0, 2.4], radius"), {"goal height"}),
+    "a goal on the floor below": (scene("xyz: [0.2, 0, 0], radius", "xyz: [0.2, 0, -0.9], radius"), {"goal height"}),
     "another heading at the goal": (scene("radius: 0.1, yaw: 0}", "radius: 0.1, yaw: 1.0}"), {"goal heading"}),
     "another first stance": (
         scene("{xyz: [0, 0, 0], yaw: 0}", "{stance: {left_foot: {surface: ground, xyz: [0, 0.11, 0]}}}"),
