@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.deadline import Deadline
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
@@ -76,8 +74,7 @@ class QueryContext:
     @cached_property
     def torso_grid(self) -> TorsoGrid:
         """Distances of the torso to the goal; it grows on demand, and what has grown serves every attempt."""
-        goal = self.goal
-        return TorsoGrid(self.packed, self.robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
+        return TorsoGrid(self.packed, self.robot, self.goal)
 
     @cached_property
     def scene_on_ground(self) -> Scene:

@@ -34,6 +34,7 @@ BLAMED_OUT = 2  # motion failures near a place after which it is not used again
 SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
+OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
@@ -55,6 +56,8 @@ class ContactDomain:
 
     Attributes:
         max_travel: how far a foot moves in one transition [m]: the robot's usual bound, or the model's longest stride.
+        beyond_grid: whether states from which the grid knows no way are estimated by the straight line; else they are
+            left out. The grid's torso box and gaps are a guess, so that it proves nothing.
     """
 
     def __init__(
@@ -85,7 +88,8 @@ class ContactDomain:
         self.rejections: Counter[str] = Counter()
         self._forbidden: set[tuple[int, ...]] = set()
         self._blamed: list[int] = []
-        self.grid = grid or TorsoGrid(packed, robot, np.array(goal.xyz[:2]), goal.radius, goal.yaw)
+        self.grid = grid or TorsoGrid(packed, robot, goal)
+        self.beyond_grid = False
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
         self._heuristic_name = options.heuristic
         self._palms = (0, 1) if options.use_palms else ()
@@ -130,7 +134,9 @@ class ContactDomain:
             return np.hypot(np.maximum(straight - self.goal.radius, 0.0), climb)
         if self._heuristic_name == "euclidean":
             return np.hypot(straight, climb)
-        distance = self.grid.distance(mean[:, 0], mean[:, 1], yaw)
+        distance = self.grid.distance(mean[:, 0], mean[:, 1], mean[:, 2], yaw)
+        if self.beyond_grid:
+            distance = np.where(np.isfinite(distance), distance, np.hypot(straight, climb) + OFF_GRID)
         # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
         return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
 

@@ -1,8 +1,9 @@
-"""Distance to the goal for a floating torso box on an SE(2) grid (Lin 2020 sec. 6.4, fig. 6.3, eq. 6.7).
+"""Distance to the goal for a floating torso box on a grid of SE(2) and floors (Lin 2020 sec. 6.4, fig. 6.3, eq. 6.7).
 
-Dijkstra runs from the goal over cells of x, y and yaw (8-connected, or turning on the spot). A cell is free when there is
-ground to step on nearby and the torso box over it touches nothing. Cells are checked when the wave reaches them and the
-wave stops as soon as the cell that was asked for is settled, so a large terrain costs no more than the part in question.
+Dijkstra runs from the goal over cells of x, y and yaw (8-connected, or turning on the spot), one for each floor there. A
+cell is free when there is ground to step on nearby and the torso box over it touches nothing; neighbours are joined where
+a step joins their floors. Cells are looked at when the wave reaches them and the wave stops as soon as the cell that was
+asked for is settled: time and memory go with the part in question, not with the terrain.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.
@@ -16,13 +17,20 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from drakeplan.contact_planning.ground_levels import (
+    GroundLevels,
+    borrow_levels,
+    level_near,
+    most_new_levels,
+    own_levels,
+)
 from scenes.footholds.projection import box_is_free, nothing_near
 from scenes.robots.robot import Robot
+from scenes.scene import GOAL_HEIGHT, Goal
 from scenes.terrain.packed_terrain import PackedTerrain
 
 TURNS = 12  # yaw cells, 30 deg each
 UNSEEN, SETTLED, BLOCKED = -1, -2, -3
-INSIDE_MARGIN = 0.02  # [m] a cell's centre this far outside a polygon still has its ground
 
 
 @dataclass(frozen=True)
@@ -41,39 +49,31 @@ class TorsoGridOptions:
 
 
 class _Wave(NamedTuple):
-    """Dijkstra's wave over nx * ny * TURNS cells s = (i * ny + j) * TURNS + t, and what is known of the cells.
+    """Dijkstra's wave over nodes s = level * TURNS + t, and what is known of the levels.
 
     Attributes:
-        origin: (2,) lowest x and y of the grid in W [m].
-        cell: edge of a cell [m].
-        support_radius: ground must lie this near a cell's centre [m].
+        ground: the levels over each cell.
         turn_cost: cost of turning [m/rad].
-        step: greatest height between neighbouring cells [m].
         box_centre: (3,) centre of the torso box over the ground, in a frame with its yaw [m].
         box_size: (3,) full edges of the torso box [m].
-        ground: (nx, ny) height of the highest foot surface over each cell's centre [m], -inf where there is none.
-        height: (nx, ny) ground that the torso stands over [m], NaN where it was not looked for yet.
-        clear: (nx, ny) 1 where nothing is near the torso at any yaw, 2 where something is, 0 where that is unknown.
-        cost: (cells,) distance to the goal [m].
-        place: (cells,) place in the heap, or UNSEEN, SETTLED, BLOCKED.
-        heap: (cells,) cells in the order of a binary heap by cost.
-        size: (1,) how many cells are in the heap.
+        clear: (levels,) 1 where nothing is near the torso at any yaw, 2 where something is, 0 where that is unknown.
+        cost: (nodes,) distance to the goal [m]; means something where the place is not UNSEEN.
+        place: (nodes,) place in the heap, or UNSEEN, SETTLED, BLOCKED.
+        heap: (nodes,) nodes in the order of a binary heap by cost.
+        size: (1,) how many nodes are in the heap.
+        reserve: levels that must be free before a cell's neighbours are looked at.
     """
 
-    origin: np.ndarray
-    cell: float
-    support_radius: float
+    ground: GroundLevels
     turn_cost: float
-    step: float
     box_centre: np.ndarray
     box_size: np.ndarray
-    ground: np.ndarray
-    height: np.ndarray
     clear: np.ndarray
     cost: np.ndarray
     place: np.ndarray
     heap: np.ndarray
     size: np.ndarray
+    reserve: int
 
 
 class TorsoGrid:
@@ -81,30 +81,23 @@ class TorsoGrid:
 
     Attributes:
         options: resolution and costs.
-        shape: cells in x, y and yaw.
+        shape: cells in x, y and yaw; each once for every floor there.
         num_goal_cells: free cells in the goal region.
     """
 
     def __init__(
-        self,
-        packed: PackedTerrain,
-        robot: Robot,
-        goal_xy: np.ndarray,
-        goal_radius: float,
-        goal_yaw: float | None,
-        options: TorsoGridOptions | None = None,
+        self, packed: PackedTerrain, robot: Robot, goal: Goal, options: TorsoGridOptions | None = None
     ) -> None:
         """Lays the grid over the ground and starts the wave from the goal region.
 
         Args:
             packed: the terrain.
             robot: gives the torso box and the greatest height of a step.
-            goal_xy: (2,) middle of the goal region in W [m].
-            goal_radius: of the goal region [m].
-            goal_yaw: heading at the goal in W [rad], None for any.
+            goal: region, floor (any where its z is NaN) and heading to arrive at.
             options: resolution and costs.
         """
         self.options = options or TorsoGridOptions()
+        goal_xy = np.array(goal.xyz[:2], float)
         feet = packed.allowed[:, 0] | packed.allowed[:, 1]
         low = packed.low[feet, :2].min(axis=0) if feet.any() else np.zeros(2)
         high = packed.high[feet, :2].max(axis=0) if feet.any() else np.zeros(2)
@@ -112,94 +105,109 @@ class TorsoGrid:
         origin = np.floor(np.minimum(low, goal_xy) / cell - 1) * cell
         nx, ny = (np.ceil((np.maximum(high, goal_xy) - origin) / cell) + 2).astype(int).tolist()
         self.shape = (nx, ny, TURNS)
-        total = nx * ny * TURNS
         self._packed = packed
-        self._wave = _Wave(
+        reserve = most_new_levels(self.options.support_radius, cell)
+        box_centre, box_size = np.array(robot.torso_box_centre, float), np.array(robot.torso_box_size, float)
+        ground = GroundLevels(
             origin=origin,
             cell=float(cell),
             support_radius=float(self.options.support_radius),
-            turn_cost=float(self.options.turn_cost),
             step=float(robot.max_step_height),
-            box_centre=np.array(robot.torso_box_centre, float),
-            box_size=np.array(robot.torso_box_size, float),
-            ground=np.full((nx, ny), -np.inf),
-            height=np.full((nx, ny), np.nan),
-            clear=np.zeros((nx, ny), np.int8),
-            cost=np.full(total, np.inf),
-            place=np.full(total, UNSEEN, np.int32),
-            heap=np.empty(total, np.int32),
+            knee=float(box_centre[2] - 0.5 * box_size[2]),
+            feet=feet,
+            known=np.zeros((nx, ny), np.int8),
+            first=np.zeros((nx, ny), np.int32),
+            following=np.empty(0, np.int32),
+            z=np.empty(0),
+            own=np.empty(0, np.bool_),
+            at=np.empty((0, 2), np.int32),
+            count=np.zeros(1, np.int64),
+        )
+        self._wave = _Wave(
+            ground=ground,
+            turn_cost=float(self.options.turn_cost),
+            box_centre=box_centre,
+            box_size=box_size,
+            clear=np.empty(0, np.int8),
+            cost=np.empty(0),
+            place=np.empty(0, np.int32),
+            heap=np.empty(0, np.int32),
             size=np.zeros(1, np.int64),
+            reserve=reserve,
         )
-        _rasterise(packed, self._wave, feet)
-        yaw = np.nan if goal_yaw is None else float(goal_yaw)
-        self.num_goal_cells = _seed(
-            packed, self._wave, np.asarray(goal_xy, float), float(max(goal_radius, 0.75 * cell)), yaw
-        )
+        self._enlarge()
+        yaw = np.nan if goal.yaw is None else float(goal.yaw)
+        radius = float(max(goal.radius, 0.75 * cell))
+        done = 0
+        while done >= 0:
+            done = _seed(packed, self._wave, np.array(goal.xyz, float), radius, yaw, done)
+            if done >= 0:
+                self._enlarge()
+        self.num_goal_cells = int(self._wave.size[0])
 
-    def distance(self, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    def distance(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, yaw: np.ndarray) -> np.ndarray:
         """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no way.
 
         Args:
             x: (n,) of the means of the feet in W [m].
             y: (n,) of the means of the feet in W [m].
+            z: (n,) of the means of the feet in W [m]; says on which floor.
             yaw: (n,) headings in W [rad].
         """
-        x, y, yaw = (np.ascontiguousarray(a, float) for a in (x, y, yaw))
-        return _query(self._packed, self._wave, x, y, yaw)
+        x, y, z, yaw = (np.ascontiguousarray(a, float) for a in (x, y, z, yaw))
+        out = np.empty(len(x))
+        done = 0
+        while True:
+            done = _query(self._packed, self._wave, x, y, z, yaw, out, done)
+            if done == len(x):
+                return out
+            self._enlarge()
+
+    def settled_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(n, 3) cells i, j and yaw of all that the wave has settled, (n,) heights [m] and (n,) distances [m]."""
+        ground, wave = self._wave.ground, self._wave
+        nodes = np.flatnonzero(wave.place[: int(ground.count[0]) * TURNS] == SETTLED)
+        level = nodes // TURNS
+        return np.column_stack([ground.at[level], nodes % TURNS]), ground.z[level], wave.cost[nodes]
 
     def settled(self) -> np.ndarray:
-        """(nx, ny) least distance over the yaws of the cells reached so far [m], inf elsewhere; for pictures."""
-        return np.where(self._wave.place == SETTLED, self._wave.cost, np.inf).reshape(self.shape).min(axis=2)
+        """(nx, ny) least distance over floors and yaws of the cells reached so far [m], inf elsewhere; for pictures."""
+        out = np.full(self.shape[:2], np.inf)
+        cells, _, cost = self.settled_nodes()
+        np.minimum.at(out, (cells[:, 0], cells[:, 1]), cost)
+        return out
+
+    def _enlarge(self) -> None:
+        """Room for more levels and their nodes: at least twice as many."""
+        wave, ground = self._wave, self._wave.ground
+        levels = max(2 * len(ground.z), int(ground.count[0]) + 2 * wave.reserve)
+
+        def longer(array: np.ndarray, rows: int, filled: float = 0) -> np.ndarray:
+            new = np.empty((rows, *array.shape[1:]), array.dtype)
+            new[: len(array)] = array
+            new[len(array) :] = filled
+            return new
+
+        ground = ground._replace(
+            following=longer(ground.following, levels),
+            z=longer(ground.z, levels),
+            own=longer(ground.own, levels),
+            at=longer(ground.at, levels),
+        )
+        nodes = levels * TURNS
+        self._wave = wave._replace(
+            ground=ground,
+            clear=longer(wave.clear, levels),
+            cost=longer(wave.cost, nodes, np.inf),
+            place=longer(wave.place, nodes, UNSEEN),
+            heap=longer(wave.heap, nodes),
+        )
 
 
 @njit(cache=True)
-def _rasterise(packed: PackedTerrain, wave: _Wave, feet: np.ndarray) -> None:
-    """Fills `ground` from the polygons that feet (P,) may use."""
-    origin, cell, ground = wave.origin, wave.cell, wave.ground
-    for k in range(packed.num_surfaces):
-        if not feet[k] or packed.normal[k, 2] < 1e-3:
-            continue
-        i0 = max(int(np.floor((packed.low[k, 0] - origin[0]) / cell - 0.5)), 0)
-        i1 = min(int(np.ceil((packed.high[k, 0] - origin[0]) / cell - 0.5)), ground.shape[0] - 1)
-        j0 = max(int(np.floor((packed.low[k, 1] - origin[1]) / cell - 0.5)), 0)
-        j1 = min(int(np.ceil((packed.high[k, 1] - origin[1]) / cell - 0.5)), ground.shape[1] - 1)
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
-                n = packed.normal[k]
-                z = (packed.offset[k] - n[0] * x - n[1] * y) / n[2]
-                inside = True
-                for e in range(packed.count[k]):
-                    w = packed.edge_normal[k, e]
-                    if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e] + INSIDE_MARGIN:
-                        inside = False
-                        break
-                if inside and z > ground[i, j]:
-                    ground[i, j] = z
-
-
-@njit(cache=True)
-def _height_at(wave: _Wave, i: int, j: int) -> float:
-    """Ground under a cell, or of the nearest cell within the support radius; -inf where there is none (kept)."""
-    ground, height = wave.ground, wave.height
-    if not np.isnan(height[i, j]):
-        return height[i, j]
-    z = ground[i, j]
-    if z == -np.inf:
-        cell, radius = wave.cell, wave.support_radius
-        r = int(np.ceil(radius / cell))
-        best = radius * radius / (cell * cell) + 1e-9
-        for a in range(-r, r + 1):
-            for b in range(-r, r + 1):
-                u, v = i + a, j + b
-                if not (0 <= u < ground.shape[0] and 0 <= v < ground.shape[1]) or ground[u, v] == -np.inf:
-                    continue
-                squared = float(a * a + b * b)
-                if squared < best or (squared == best and ground[u, v] > z):
-                    best = squared
-                    z = ground[u, v]
-    height[i, j] = z
-    return z
+def _full(wave: _Wave) -> bool:
+    """Whether there might be no room for what the next cells need."""
+    return wave.ground.count[0] + wave.reserve > wave.ground.z.shape[0]
 
 
 @njit(cache=True)
@@ -239,94 +247,141 @@ def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray
 
 @njit(cache=True)
 def _push(wave: _Wave, s: int) -> None:
-    """Adds a cell at the end of the heap."""
+    """Adds a node at the end of the heap."""
     wave.heap[wave.size[0]] = s
     wave.place[s] = wave.size[0]
     wave.size[0] += 1
 
 
 @njit(cache=True)
-def _free(packed: PackedTerrain, wave: _Wave, i: int, j: int, t: int) -> bool:
-    """Whether the torso may be in a cell; `clear` remembers the cells where nothing is near at any yaw."""
-    z = _height_at(wave, i, j)
-    if z == -np.inf:
-        return False
-    centre, box, clear = wave.box_centre, wave.box_size, wave.clear
-    x, y = wave.origin[0] + (i + 0.5) * wave.cell, wave.origin[1] + (j + 0.5) * wave.cell
-    if clear[i, j] == 0:
+def _free(packed: PackedTerrain, wave: _Wave, level: int, t: int) -> bool:
+    """Whether the torso may be over a level; `clear` remembers the levels where nothing is near at any yaw."""
+    ground, centre, box, clear = wave.ground, wave.box_centre, wave.box_size, wave.clear
+    x = ground.origin[0] + (ground.at[level, 0] + 0.5) * ground.cell
+    y = ground.origin[1] + (ground.at[level, 1] + 0.5) * ground.cell
+    z = ground.z[level]
+    if clear[level] == 0:
         reach = np.sqrt((abs(centre[0]) + 0.5 * box[0]) ** 2 + (abs(centre[1]) + 0.5 * box[1]) ** 2)
         z_low, z_high = z + centre[2] - 0.5 * box[2], z + centre[2] + 0.5 * box[2]
-        clear[i, j] = 1 if nothing_near(packed, x, y, reach, z_low, z_high) else 2
-    return clear[i, j] == 1 or box_is_free(packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box)
+        clear[level] = 1 if nothing_near(packed, x, y, reach, z_low, z_high) else 2
+    return clear[level] == 1 or box_is_free(packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box)
 
 
 @njit(cache=True)
-def _seed(packed: PackedTerrain, wave: _Wave, goal: np.ndarray, goal_radius: float, goal_yaw: float) -> int:
-    """Starts the wave in the free cells of the goal region, at any yaw where `goal_yaw` is NaN; their number."""
-    origin, cell = wave.origin, wave.cell
-    nx, ny = wave.ground.shape
+def _seed(
+    packed: PackedTerrain, wave: _Wave, goal: np.ndarray, goal_radius: float, goal_yaw: float, done: int
+) -> int:
+    """Starts the wave in the free cells of the goal region, at any yaw where `goal_yaw` is NaN.
+
+    Returns -1, or, where there is no room for more levels, the number of rows that are done.
+    """
+    ground = wave.ground
+    origin, cell = ground.origin, ground.cell
+    nx, ny = ground.first.shape
     r = int(np.ceil(goal_radius / cell)) + 1
     gi, gj = int(np.floor((goal[0] - origin[0]) / cell)), int(np.floor((goal[1] - origin[1]) / cell))
-    for i in range(max(gi - r, 0), min(gi + r + 1, nx)):
-        for j in range(max(gj - r, 0), min(gj + r + 1, ny)):
-            dx, dy = origin[0] + (i + 0.5) * cell - goal[0], origin[1] + (j + 0.5) * cell - goal[1]
-            if dx * dx + dy * dy > goal_radius * goal_radius:
-                continue
-            for t in range(TURNS):
-                if not np.isnan(goal_yaw):
-                    turn = 2 * np.pi * t / TURNS - goal_yaw
-                    if abs(np.arctan2(np.sin(turn), np.cos(turn))) > np.pi / TURNS + 1e-6:
-                        continue
-                if _free(packed, wave, i, j, t):
-                    s = (i * ny + j) * TURNS + t
-                    wave.cost[s] = 0.0
-                    _push(wave, s)
-    return wave.size[0]
+    for a in range(done, (2 * r + 1) ** 2):
+        i, j = gi - r + a // (2 * r + 1), gj - r + a % (2 * r + 1)
+        if not (0 <= i < nx and 0 <= j < ny):
+            continue
+        dx, dy = origin[0] + (i + 0.5) * cell - goal[0], origin[1] + (j + 0.5) * cell - goal[1]
+        if dx * dx + dy * dy > goal_radius * goal_radius:
+            continue
+        if _full(wave):
+            return a
+        found = False
+        for attempt in range(2):
+            level = own_levels(packed, ground, i, j)
+            while level > 0:
+                if np.isnan(goal[2]) or abs(ground.z[level - 1] - goal[2]) <= GOAL_HEIGHT:
+                    found = True
+                    _seed_level(packed, wave, level - 1, goal_yaw)
+                level = ground.following[level - 1]
+            if found:
+                break
+            borrow_levels(packed, ground, i, j)
+    return -1
 
 
 @njit(cache=True)
-def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> None:
-    """Dijkstra from the goal until the target cell is settled or the wave has nowhere left to go."""
-    cost, place = wave.cost, wave.place
-    nx, ny = wave.ground.shape
+def _seed_level(packed: PackedTerrain, wave: _Wave, level: int, goal_yaw: float) -> None:
+    """Starts the wave in the nodes of one level."""
+    for t in range(TURNS):
+        if not np.isnan(goal_yaw):
+            turn = 2 * np.pi * t / TURNS - goal_yaw
+            if abs(np.arctan2(np.sin(turn), np.cos(turn))) > np.pi / TURNS + 1e-6:
+                continue
+        s = level * TURNS + t
+        if wave.place[s] == UNSEEN and _free(packed, wave, level, t):
+            wave.cost[s] = 0.0
+            _push(wave, s)
+
+
+@njit(cache=True)
+def _relax(packed: PackedTerrain, wave: _Wave, level: int, t: int, cost: float) -> None:
+    """Offers a node a way to the goal of this cost."""
+    s = level * TURNS + t
+    if wave.place[s] <= SETTLED or wave.cost[s] <= cost:
+        return
+    if wave.place[s] == UNSEEN:
+        if not _free(packed, wave, level, t):
+            wave.place[s] = BLOCKED
+            return
+        _push(wave, s)
+    wave.cost[s] = cost
+    _sift_up(wave.heap, wave.place, wave.cost, wave.place[s])
+
+
+@njit(cache=True)
+def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
+    """Dijkstra from the goal until the target is settled or the wave has nowhere left to go; False: no room for more."""
+    ground, cost, place = wave.ground, wave.cost, wave.place
+    nx, ny = ground.first.shape
     while wave.size[0] > 0 and place[target] != SETTLED:
+        if _full(wave):
+            return False
         s = _pop(wave.heap, place, cost, wave.size)
-        t, j, i = s % TURNS, (s // TURNS) % ny, s // (TURNS * ny)
-        z = _height_at(wave, i, j)
-        for m in range(10):
-            u, v, w = i, j, t
-            if m < 8:
-                m9 = m if m < 4 else m + 1
-                u, v = i + m9 // 3 - 1, j + m9 % 3 - 1
-                edge = wave.cell * np.sqrt(float(abs(u - i) + abs(v - j)))
-            else:
-                w = (t + (1 if m == 8 else TURNS - 1)) % TURNS
-                edge = wave.turn_cost * 2 * np.pi / TURNS
-            if u < 0 or v < 0 or u >= nx or v >= ny:
+        level, t = s // TURNS, s % TURNS
+        i, j, z = ground.at[level, 0], ground.at[level, 1], ground.z[level]
+        for m in range(9):
+            u, v = i + m // 3 - 1, j + m % 3 - 1
+            if m == 4 or u < 0 or v < 0 or u >= nx or v >= ny:
                 continue
-            q = (u * ny + v) * TURNS + w
-            if place[q] <= SETTLED or cost[q] <= cost[s] + edge:
-                continue
-            if abs(_height_at(wave, u, v) - z) > wave.step:
-                continue
-            if place[q] == UNSEEN:
-                if not _free(packed, wave, u, v, w):
-                    place[q] = BLOCKED
-                    continue
-                _push(wave, q)
-            cost[q] = cost[s] + edge
-            _sift_up(wave.heap, place, cost, place[q])
+            edge = cost[s] + ground.cell * np.sqrt(float(abs(u - i) + abs(v - j)))
+            found = False
+            for attempt in range(2):
+                other = own_levels(packed, ground, u, v)
+                while other > 0:
+                    if abs(ground.z[other - 1] - z) <= ground.step:
+                        found = True
+                        _relax(packed, wave, other - 1, t, edge)
+                    other = ground.following[other - 1]
+                if found:
+                    break
+                borrow_levels(packed, ground, u, v)
+        edge = cost[s] + wave.turn_cost * 2 * np.pi / TURNS
+        _relax(packed, wave, level, (t + 1) % TURNS, edge)
+        _relax(packed, wave, level, (t + TURNS - 1) % TURNS, edge)
+    return True
 
 
 @njit(cache=True)
-def _query(packed: PackedTerrain, wave: _Wave, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """(n,) distances to the goal region from poses [m], the wave grown as far as they need."""
-    origin, cell, cost, place = wave.origin, wave.cell, wave.cost, wave.place
-    nx, ny = wave.ground.shape
-    out = np.empty(x.shape[0])
-    for k in range(x.shape[0]):
+def _query(
+    packed: PackedTerrain,
+    wave: _Wave,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    yaw: np.ndarray,
+    out: np.ndarray,
+    done: int,
+) -> int:
+    """Distances to the goal region from poses [m], the wave grown as far as they need; how many are done."""
+    ground, cost, place = wave.ground, wave.cost, wave.place
+    nx, ny = ground.first.shape
+    for k in range(done, x.shape[0]):
         t = int(np.round(yaw[k] / (2 * np.pi / TURNS))) % TURNS
-        u, v = (x[k] - origin[0]) / cell - 0.5, (y[k] - origin[1]) / cell - 0.5
+        u, v = (x[k] - ground.origin[0]) / ground.cell - 0.5, (y[k] - ground.origin[1]) / ground.cell - 0.5
         i0, j0 = int(np.floor(u)), int(np.floor(v))
         total, weight, nearest, nearest_weight = 0.0, 0.0, np.inf, -1.0
         for a in range(2):
@@ -334,16 +389,21 @@ def _query(packed: PackedTerrain, wave: _Wave, x: np.ndarray, y: np.ndarray, yaw
                 i, j = i0 + a, j0 + b
                 if i < 0 or j < 0 or i >= nx or j >= ny:
                     continue
-                s = (i * ny + j) * TURNS + t
-                if place[s] == UNSEEN and not _free(packed, wave, i, j, t):  # never worth growing the wave for
+                if _full(wave):
+                    return k
+                level = level_near(packed, ground, i, j, z[k])
+                if level < 0:
+                    continue
+                s = level * TURNS + t
+                if place[s] == UNSEEN and not _free(packed, wave, level, t):  # never worth growing the wave for
                     place[s] = BLOCKED
-                if place[s] != SETTLED and place[s] != BLOCKED:
-                    _grow_until(packed, wave, s)
+                if place[s] != SETTLED and place[s] != BLOCKED and not _grow_until(packed, wave, s):
+                    return k
                 w = (u - i0 if a else i0 + 1 - u) * (v - j0 if b else j0 + 1 - v)
-                if cost[s] < np.inf and place[s] == SETTLED:
+                if place[s] == SETTLED:
                     total += w * cost[s]
                     weight += w
                     if w > nearest_weight:
                         nearest, nearest_weight = cost[s], w
         out[k] = total / weight if weight > 1e-9 else nearest
-    return out
+    return x.shape[0]

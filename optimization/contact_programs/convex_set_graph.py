@@ -39,6 +39,7 @@ from optimization.mixed_integer.solver import (
 )
 from scenes.footholds.foothold_regions import FootholdRegion, foothold_regions
 from scenes.input_error import InputError
+from scenes.scene import GOAL_HEIGHT
 from scenes.stance import Stance
 
 ROUNDED_PATHS = 50  # tried from the flows of the relaxation
@@ -161,6 +162,10 @@ class ConvexSetGraph:
         edge: Edge = self.graph.add_arrival(u, self._goal)
         A, b = u.mean
         rows = np.hstack([np.zeros((2, 2)), A])  # over (x_v, x_u)
+        off = u.mean_height[1] - self.query.goal.xyz[2]
+        if np.isfinite(off).all():
+            height, room = np.hstack([np.zeros((1, 2)), u.mean_height[0]]), np.array([GOAL_HEIGHT])
+            self.graph.keep_between(edge, height, off, -room, room)
         self.graph.add_square(edge, self.options.goal, rows, b - np.array(self.query.goal.xyz[:2]))
 
     # Answers ----------------------------------------------------------------------------------------------------

@@ -31,6 +31,7 @@ from optimization.mixed_integer.data import MixedIntegerData
 from optimization.mixed_integer.solver import MixedIntegerSettings, Progress, solve_mixed_integer
 from scenes.effector import EFFECTORS
 from scenes.footholds.foothold_regions import FootholdRegion, foothold_regions
+from scenes.scene import GOAL_HEIGHT
 from scenes.stance import Stance
 
 

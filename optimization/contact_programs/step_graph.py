@@ -79,6 +79,11 @@ class Foothold:
         """(2, d) and (2,): the mean of the feet in the plan view is A x + b."""
         return 0.5 * (self.P + self.Q)[:2], 0.5 * (self.p + self.q)[:2]
 
+    @property
+    def mean_height(self) -> tuple[np.ndarray, np.ndarray]:
+        """(1, d) and (1,): the height of the mean of the feet is A x + b."""
+        return 0.5 * (self.P + self.Q)[2:], 0.5 * (self.p + self.q)[2:]
+
 
 class StepGraph:
     """Vertices and edges of steps; what is built from it decides costs and reach.

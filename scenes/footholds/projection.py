@@ -17,6 +17,7 @@ from scenes.contact import NEAR_LEVEL, Contact
 from scenes.effector import EFFECTORS, is_foot
 from scenes.robots.robot import EffectorSpec
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells, near, polygon_meets_box
+from scenes.terrain.solids import in_solid
 
 COVER_GAP = 0.003  # [m] what rises less than this above a patch does not cover it
 FOOT_CLEARANCE = 0.09  # [m] height over the sole that the foot itself fills
@@ -105,6 +106,8 @@ def patch_fits(
 ) -> bool:
     """Whether a patch at pose (p, R) lies inside the surface with nothing above it, nor above what reaches beyond it.
 
+    What has no face there may still be a solid that the patch is wholly inside of.
+
     Args:
         packed: the terrain.
         surface: number of the surface.
@@ -139,7 +142,13 @@ def patch_fits(
                 apart = True
         if not apart and polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
             return False
-    return True
+    return not _inside_a_solid(packed, p, R, 0.5 * (COVER_GAP + clearance))
+
+
+@njit(cache=True)
+def _inside_a_solid(packed: PackedTerrain, p: np.ndarray, R: np.ndarray, height: float) -> bool:
+    """Whether the point at a height over a contact is inside a solid; where no face is near, so is the whole patch."""
+    return in_solid(packed, p[0] + height * R[0, 2], p[1] + height * R[1, 2], p[2] + height * R[2, 2])
 
 
 @njit(cache=True)
@@ -303,7 +312,7 @@ def project_palms(
 
 @njit(cache=True)
 def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.ndarray, size: np.ndarray) -> bool:
-    """Whether an upright box (`centre`, `size` in the frame at p with this yaw) touches no polygon.
+    """Whether an upright box (`centre`, `size` in the frame at p with this yaw) touches no polygon and is in no solid.
 
     Args:
         packed: the terrain.
@@ -328,7 +337,8 @@ def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.nda
             R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
             if polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
                 return False
-    return True
+    x, y = p[0] + c * centre[0] - s * centre[1], p[1] + s * centre[0] + c * centre[1]
+    return not in_solid(packed, x, y, p[2] + centre[2])
 
 
 @njit(cache=True)
@@ -356,6 +366,8 @@ def boxes_are_free(
 def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low: float, z_high: float) -> bool:
     """Whether no polygon's bounds meet the square of half width `reach` about (x, y) between z_low and z_high.
 
+    Nor is it in a solid whose faces are all further away.
+
     Args:
         packed: the terrain.
         x: of the square's centre in W [m].
@@ -376,7 +388,7 @@ def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low:
                 and packed.high[k, 1] >= y - reach
             ):
                 return False
-    return True
+    return not in_solid(packed, x, y, 0.5 * (z_low + z_high))
 
 
 def set_down(

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from scenes.effector import EFFECTORS
+from scenes.terrain.closed_bodies import solid_of_triangles
 from scenes.terrain.polygon import area_vectors
 from scenes.terrain.terrain import Terrain
 
@@ -30,6 +31,7 @@ class PackedTerrain(NamedTuple):
         low, high: (P, 3) axis-aligned bounds [m].
         allowed: (P, 4) whether each end effector may touch the polygon.
         body: (P,) 1 where the polygon is a solid face (an obstacle triangle or a plate), 0 where a mesh face doubles it.
+        solid: (P,) number of the obstacle whose closed body the triangle bounds, -1 for all others.
         friction: (P,) Coulomb coefficient.
         origin: (2,) lowest x and y of the grid [m].
         cell: (1,) edge of a cell [m].
@@ -48,6 +50,7 @@ class PackedTerrain(NamedTuple):
     high: np.ndarray
     allowed: np.ndarray
     body: np.ndarray
+    solid: np.ndarray
     friction: np.ndarray
     origin: np.ndarray
     cell: np.ndarray
@@ -59,7 +62,8 @@ class PackedTerrain(NamedTuple):
 def pack_terrain(terrain: Terrain) -> PackedTerrain:
     """The arrays of a terrain; work once per scene, proportional to its size."""
     polygons = [s.vertices for s in terrain.surfaces]
-    triangles = terrain.triangles[_solid(terrain.triangles)]
+    large = _solid(terrain.triangles)
+    triangles = terrain.triangles[large]
     num_surfaces, total = len(polygons), len(polygons) + len(triangles)
     width = max([len(p) for p in polygons] + [3])
     vertices = np.zeros((total, width, 3))
@@ -83,6 +87,8 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
         allowed[i] = [surface.allows(e) for e in EFFECTORS]
     body = np.ones(total, dtype=np.bool_)
     body[:num_surfaces] = ~np.array(terrain.surfaces_of_meshes, dtype=bool)
+    solid = np.full(total, -1)
+    solid[num_surfaces:] = solid_of_triangles(terrain)[large]
     friction = np.zeros(total)
     friction[:num_surfaces] = [s.friction for s in terrain.surfaces]
     low, high = vertices.min(axis=1), vertices.max(axis=1)
@@ -98,6 +104,7 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
         high,
         allowed,
         body,
+        solid,
         friction,
         *_grid(low, high),
     )

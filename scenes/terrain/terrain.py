@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,6 +23,7 @@ class Box:
         X_WO: (4, 4) pose of the box's centre in W.
     """
 
+    kind: ClassVar[str] = "box"
     name: str
     size: np.ndarray
     X_WO: np.ndarray
@@ -44,6 +46,7 @@ class TriangleMesh:
         faces: (K, 3, 3) [m] in W, counter-clockwise from outside.
     """
 
+    kind: ClassVar[str] = "mesh"
     name: str
     faces: np.ndarray
 

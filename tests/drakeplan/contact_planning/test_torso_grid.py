@@ -7,8 +7,9 @@ import heapq
 import numpy as np
 import pytest
 
-from drakeplan.contact_planning.torso_grid import SETTLED, TURNS, TorsoGrid
+from drakeplan.contact_planning.torso_grid import TURNS, TorsoGrid
 from scenes.robots.robot import load_robot
+from scenes.scene import Goal
 from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain
@@ -21,11 +22,12 @@ def floor(name: str, x0: float, x1: float, y0: float, y1: float, z: float = 0.0)
 
 
 def grid_on(terrain: Terrain, goal=(2.0, 0.0), radius=0.1, yaw=None) -> TorsoGrid:
-    return TorsoGrid(pack_terrain(terrain), load_robot("escher"), np.array(goal), radius, yaw)
+    x, y, *z = goal
+    return TorsoGrid(pack_terrain(terrain), load_robot("escher"), Goal((x, y, z[0] if z else 0.0), radius, yaw))
 
 
-def ask(grid: TorsoGrid, x: float, y: float, yaw: float = 0.0) -> float:
-    return float(grid.distance(np.array([x]), np.array([y]), np.array([yaw]))[0])
+def ask(grid: TorsoGrid, x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> float:
+    return float(grid.distance(np.array([x]), np.array([y]), np.array([z]), np.array([yaw]))[0])
 
 
 def test_on_an_empty_floor_the_distance_is_octile() -> None:
@@ -84,8 +86,10 @@ def test_every_settled_cell_agrees_with_a_plain_dijkstra() -> None:
     grid = grid_on(Terrain((floor("f", -1.5, 2.5, -1.5, 1.5),), tuple(boxes)))
     ask(grid, -1.2, 0.0)
     nx, ny, _ = grid.shape
-    cost, place = grid._wave.cost.reshape(grid.shape), grid._wave.place.reshape(grid.shape)
-    settled = place == SETTLED
+    cells, heights, distances = grid.settled_nodes()
+    assert np.all(heights == 0.0)
+    cost, settled = np.full(grid.shape, np.inf), np.zeros(grid.shape, bool)
+    cost[tuple(cells.T)], settled[tuple(cells.T)] = distances, True
     plain = np.full(grid.shape, np.inf)
     heap = []
     for cell in zip(*np.nonzero(settled & (cost == 0)), strict=True):
