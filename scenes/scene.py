@@ -10,7 +10,9 @@ from scenes.contact import Contact
 from scenes.disturbance import Disturbance
 from scenes.terrain.terrain import Terrain
 
-GOAL_HEIGHT = 0.5  # [m] the mean of the feet may end this far above or below the goal: ground is uneven, floors are further
+GOAL_HEIGHT = (
+    0.5  # [m] the mean of the feet may end this far above or below the goal: ground is uneven, floors are further
+)
 
 
 @dataclass(frozen=True, eq=False)

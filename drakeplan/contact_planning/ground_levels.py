@@ -19,6 +19,7 @@ from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
 INSIDE_MARGIN = 0.02  # [m] a cell's centre this far outside a polygon still has its ground
 MOST_FLOORS = 32  # of one cell; higher ones are left out
 MOST_BORROWED = 4  # levels that one cell takes over from its neighbourhood
+MOST_LEVELS = MOST_FLOORS + MOST_BORROWED
 UNKNOWN, OWN, ALL = 0, 1, 2  # what is known of a cell: nothing, the levels of its own, the borrowed ones too
 
 
@@ -191,6 +192,30 @@ def own_levels(packed: PackedTerrain, ground: GroundLevels, i: int, j: int) -> i
 
 
 @njit(cache=True)
+def nearest_level(
+    first: np.ndarray, following: np.ndarray, height: np.ndarray, i: int, j: int, z: float, off: float
+) -> int:
+    """The level of a cell, of those that are known, that is nearest to a height, -1 if none is within `off`.
+
+    Args:
+        first: as in `GroundLevels`.
+        following: as there.
+        height: as there [m].
+        i: of the cell.
+        j: of the cell.
+        z: height in W [m].
+        off: [m].
+    """
+    found = -1
+    level = first[i, j]
+    while level > 0:
+        if abs(height[level - 1] - z) <= off:
+            found, off = level - 1, abs(height[level - 1] - z)
+        level = following[level - 1]
+    return found
+
+
+@njit(cache=True)
 def level_near(packed: PackedTerrain, ground: GroundLevels, i: int, j: int, z: float) -> int:
     """The level of a cell that is nearest to a height and less than the torso's height from it, -1 if there is none.
 
@@ -201,14 +226,11 @@ def level_near(packed: PackedTerrain, ground: GroundLevels, i: int, j: int, z: f
         j: of the cell.
         z: height in W [m].
     """
-    for attempt in range(2):
-        found, off = -1, ground.step if attempt == 0 else ground.knee
-        level = own_levels(packed, ground, i, j)
-        while level > 0:
-            if abs(ground.z[level - 1] - z) <= off:
-                found, off = level - 1, abs(ground.z[level - 1] - z)
-            level = ground.following[level - 1]
-        if found >= 0:
-            return found
-        borrow_levels(packed, ground, i, j)
-    return -1
+    first, following, height = ground.first, ground.following, ground.z
+    own_levels(packed, ground, i, j)
+    found = nearest_level(first, following, height, i, j, z, ground.step)
+    if found >= 0:
+        return found
+    borrow_levels(packed, ground, i, j)
+    found = nearest_level(first, following, height, i, j, z, ground.step)
+    return found if found >= 0 else nearest_level(first, following, height, i, j, z, ground.knee)

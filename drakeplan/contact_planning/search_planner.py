@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.dynamic_domain import DynamicDomain
 from drakeplan.contact_planning.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.contact_planning.planner import ContactPlanner
+from drakeplan.contact_planning.reachability import unreachable
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.contact_planning.window_domain import HEURISTIC_WEIGHT, WINDOW, WindowDomain
 from drakeplan.context import QueryContext
@@ -92,6 +93,7 @@ class SearchPlanner:
         if self.dynamic is not None:
             self._start_state = self.dynamic.start(held, standing_com(context.robot, start))
         self.search: AnaStar[State] | None = None
+        self._unreachable: str | None = None
         self.setup_s = time.perf_counter() - began
 
     def _dynamic_domain(self) -> DynamicDomain | None:
@@ -128,8 +130,38 @@ class SearchPlanner:
             limits: deadline [s], expansions and the like.
             clock: seconds; what the deadline is measured by.
         """
+        if self.goal_unreachable():
+            return
+        if not np.isfinite(self._start_distance()):
+            self.domain.beyond_grid = True
+        began, found = clock(), False
+        for plan in self._run(limits, clock, 0):
+            found = True
+            yield plan
+        search = self.search
+        if found or search is None or search.ended_by != "exhausted" or self.domain.beyond_grid:
+            return
+        # All that the grid allows was tried. It is a guess: the rest of the time goes to what it leaves out.
+        self.domain.beyond_grid = self.options.heuristic == "grid"
+        if self.domain.beyond_grid:
+            left = None if limits.deadline is None else max(limits.deadline - (clock() - began), 0.0)
+            yield from self._run(replace(limits, deadline=left), clock, search.expansions)
+
+    def goal_unreachable(self) -> str:
+        """Why no chain of steps leads to the goal, "" where that is not proved."""
+        if self._unreachable is None:
+            context = self.context
+            self._unreachable = unreachable(
+                context.scene.terrain, context.robot, self.options.model, context.start, context.goal
+            )
+        return self._unreachable
+
+    def _run(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:
+        """One search, which counts its expansions from this number on."""
         domain: Domain[State] = self.domain if self.dynamic is None else self.dynamic
-        self.search = AnaStar(domain, self._start_state, self.settings.epsilon, self.options.seed, limits, clock=clock)
+        self.search = AnaStar(
+            domain, self._start_state, self.settings.epsilon, self.options.seed, limits, expansions, clock=clock
+        )
         self.search.heuristic_weight = self._heuristic_weight
         for found in self.search.run():
             stances = tuple(self._stance(s) for s in found.path)
@@ -173,16 +205,25 @@ class SearchPlanner:
 
     def why_not(self) -> str:
         """Why there is no plan, in one line."""
-        if not np.isfinite(self.domain.heuristic([self._start_state[:5]])[0]):
-            return "goal unreachable: on the SE(2) grid no path of the torso box connects start and goal"
+        if self._unreachable:
+            return self._unreachable
         search = self.search
         if search is None:
             return "not searched yet"
         counts = ", ".join(f"{name} {count}" for name, count in self.domain.rejections.most_common() if count)
         why = f"candidates rejected by: {counts or 'nothing'}"
+        if not np.isfinite(self._start_distance()):
+            why = f"the grid knows no way for the torso box from start to goal (which is no proof); {why}"
         if search.ended_by in LIMIT_REACHED:
             return f"{LIMIT_REACHED[search.ended_by]} after {search.expansions} expansions; {why}"
         return f"search exhausted after {search.expansions} expansions; {why}"
+
+    def _start_distance(self) -> float:
+        """Distance from the start to the goal, as the heuristic measures it without going beyond the grid [m]."""
+        beyond, self.domain.beyond_grid = self.domain.beyond_grid, False
+        distance = float(self.domain.distance_to_go([self._start_state[:5]])[0])
+        self.domain.beyond_grid = beyond
+        return distance
 
     def _stance(self, state: State) -> Stance:
         return Stance(tuple(None if n < 0 else self._pool.contact(n) for n in state[:4]))

@@ -18,10 +18,14 @@ import numpy as np
 from numba import njit
 
 from drakeplan.contact_planning.ground_levels import (
+    ALL,
+    MOST_LEVELS,
+    UNKNOWN,
     GroundLevels,
     borrow_levels,
     level_near,
     most_new_levels,
+    nearest_level,
     own_levels,
 )
 from scenes.footholds.projection import box_is_free, nothing_near
@@ -246,11 +250,11 @@ def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray
 
 
 @njit(cache=True)
-def _push(wave: _Wave, s: int) -> None:
+def _push(heap: np.ndarray, place: np.ndarray, size: np.ndarray, s: int) -> None:
     """Adds a node at the end of the heap."""
-    wave.heap[wave.size[0]] = s
-    wave.place[s] = wave.size[0]
-    wave.size[0] += 1
+    heap[size[0]] = s
+    place[s] = size[0]
+    size[0] += 1
 
 
 @njit(cache=True)
@@ -268,9 +272,7 @@ def _free(packed: PackedTerrain, wave: _Wave, level: int, t: int) -> bool:
 
 
 @njit(cache=True)
-def _seed(
-    packed: PackedTerrain, wave: _Wave, goal: np.ndarray, goal_radius: float, goal_yaw: float, done: int
-) -> int:
+def _seed(packed: PackedTerrain, wave: _Wave, goal: np.ndarray, goal_radius: float, goal_yaw: float, done: int) -> int:
     """Starts the wave in the free cells of the goal region, at any yaw where `goal_yaw` is NaN.
 
     Returns -1, or, where there is no room for more levels, the number of rows that are done.
@@ -314,54 +316,58 @@ def _seed_level(packed: PackedTerrain, wave: _Wave, level: int, goal_yaw: float)
         s = level * TURNS + t
         if wave.place[s] == UNSEEN and _free(packed, wave, level, t):
             wave.cost[s] = 0.0
-            _push(wave, s)
-
-
-@njit(cache=True)
-def _relax(packed: PackedTerrain, wave: _Wave, level: int, t: int, cost: float) -> None:
-    """Offers a node a way to the goal of this cost."""
-    s = level * TURNS + t
-    if wave.place[s] <= SETTLED or wave.cost[s] <= cost:
-        return
-    if wave.place[s] == UNSEEN:
-        if not _free(packed, wave, level, t):
-            wave.place[s] = BLOCKED
-            return
-        _push(wave, s)
-    wave.cost[s] = cost
-    _sift_up(wave.heap, wave.place, wave.cost, wave.place[s])
+            _push(wave.heap, wave.place, wave.size, s)
 
 
 @njit(cache=True)
 def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
-    """Dijkstra from the goal until the target is settled or the wave has nowhere left to go; False: no room for more."""
-    ground, cost, place = wave.ground, wave.cost, wave.place
-    nx, ny = ground.first.shape
+    """Dijkstra from the goal until the target is settled or the wave has nowhere left to go; False: no room for more.
+
+    Functions that take whole terrains are called only for what is new: passing one costs more than a node.
+    """
+    ground, cost, place, clear = wave.ground, wave.cost, wave.place, wave.clear
+    known, first, following, height, at = ground.known, ground.first, ground.following, ground.z, ground.at
+    nx, ny = first.shape
+    turn = wave.turn_cost * 2 * np.pi / TURNS
+    nodes, edges = np.empty(9 * MOST_LEVELS, np.int64), np.empty(9 * MOST_LEVELS)
     while wave.size[0] > 0 and place[target] != SETTLED:
-        if _full(wave):
+        if ground.count[0] + wave.reserve > height.shape[0]:
             return False
         s = _pop(wave.heap, place, cost, wave.size)
         level, t = s // TURNS, s % TURNS
-        i, j, z = ground.at[level, 0], ground.at[level, 1], ground.z[level]
+        i, j, z = at[level, 0], at[level, 1], height[level]
+        n = 0
         for m in range(9):
             u, v = i + m // 3 - 1, j + m % 3 - 1
             if m == 4 or u < 0 or v < 0 or u >= nx or v >= ny:
                 continue
-            edge = cost[s] + ground.cell * np.sqrt(float(abs(u - i) + abs(v - j)))
-            found = False
-            for attempt in range(2):
-                other = own_levels(packed, ground, u, v)
+            edge = ground.cell * np.sqrt(float(abs(u - i) + abs(v - j)))
+            before = n
+            while True:
+                if known[u, v] == UNKNOWN:
+                    own_levels(packed, ground, u, v)
+                other = first[u, v]
                 while other > 0:
-                    if abs(ground.z[other - 1] - z) <= ground.step:
-                        found = True
-                        _relax(packed, wave, other - 1, t, edge)
-                    other = ground.following[other - 1]
-                if found:
+                    if abs(height[other - 1] - z) <= ground.step:
+                        nodes[n], edges[n] = (other - 1) * TURNS + t, edge
+                        n += 1
+                    other = following[other - 1]
+                if n > before or known[u, v] == ALL:
                     break
                 borrow_levels(packed, ground, u, v)
-        edge = cost[s] + wave.turn_cost * 2 * np.pi / TURNS
-        _relax(packed, wave, level, (t + 1) % TURNS, edge)
-        _relax(packed, wave, level, (t + TURNS - 1) % TURNS, edge)
+        nodes[n], edges[n] = level * TURNS + (t + 1) % TURNS, turn
+        nodes[n + 1], edges[n + 1] = level * TURNS + (t + TURNS - 1) % TURNS, turn
+        for m in range(n + 2):
+            q, new = nodes[m], cost[s] + edges[m]
+            if place[q] <= SETTLED or cost[q] <= new:
+                continue
+            if place[q] == UNSEEN:
+                if clear[q // TURNS] != 1 and not _free(packed, wave, q // TURNS, q % TURNS):
+                    place[q] = BLOCKED
+                    continue
+                _push(wave.heap, place, wave.size, q)
+            cost[q] = new
+            _sift_up(wave.heap, place, cost, place[q])
     return True
 
 
@@ -389,13 +395,17 @@ def _query(
                 i, j = i0 + a, j0 + b
                 if i < 0 or j < 0 or i >= nx or j >= ny:
                     continue
-                if _full(wave):
+                if ground.count[0] + wave.reserve > ground.z.shape[0]:
                     return k
-                level = level_near(packed, ground, i, j, z[k])
+                level = nearest_level(ground.first, ground.following, ground.z, i, j, z[k], ground.step)
+                if level < 0:
+                    level = level_near(packed, ground, i, j, z[k])
                 if level < 0:
                     continue
                 s = level * TURNS + t
-                if place[s] == UNSEEN and not _free(packed, wave, level, t):  # never worth growing the wave for
+                if (
+                    place[s] == UNSEEN and wave.clear[level] != 1 and not _free(packed, wave, level, t)
+                ):  # never worth growing the wave for
                     place[s] = BLOCKED
                 if place[s] != SETTLED and place[s] != BLOCKED and not _grow_until(packed, wave, s):
                     return k

@@ -59,9 +59,7 @@ def floors_at(packed: PackedTerrain, robot: Robot, x: float, y: float, yaw: floa
     below = np.inf
     spec = robot.effectors[0]
     while True:
-        foot = set_down(
-            packed, EFFECTORS[0], x, y, yaw, spec.half_extent, (-np.inf, below), overhang=spec.overhang
-        )
+        foot = set_down(packed, EFFECTORS[0], x, y, yaw, spec.half_extent, (-np.inf, below), overhang=spec.overhang)
         if foot is None:
             break
         z = float(foot.p_WC[2])
