@@ -1,6 +1,6 @@
 """Decides whether a plan file holds, from the file and the robot's model alone.
 
-It shares no code with what made the plan: it imports NumPy, SciPy, h5py, yaml and pydrake, and a test holds it to that.
+It shares no code with what made the plan: it imports NumPy, SciPy, h5py, yaml, shapely and pydrake, and a test holds it to that.
 Imports inside it are relative, so that the folder can be copied anywhere and run by itself (`python -m verifier PLAN.h5`).
 
 Every check names its worst value, its limit and the place. The plan holds when every check does. A plan of contacts alone
@@ -26,7 +26,8 @@ positions q and velocities v. #(...) counts rows. All values are the worst of th
 | contact friction | mu - mu of the surface | 1e-9 | the same number twice |
 | contact on surface | (p_WC - p_WS) . n_S | 1e-3 m | far above rounding, below what a sole's rubber gives |
 | contact normal | angle of n to n_S | 1e-3 rad | 0.1 mm over half a sole |
-| patch inside | corner of the patch outside the surface's outline | 1e-3 m | far above rounding, below what carries load |
+| patch inside | corner of the patch outside the surface's outline, or point of | 1e-3 m | far above rounding, below what carries load |
+|  | it that no surface of its floor lies under; joints up to 6 mm are none |  |  |
 | patch uncovered | height of other surfaces and obstacles over the patch | 3e-3 m | surfaces closer than this are one floor |
 | patch on robot | corner of the patch to the body's collision shape | 0.01 m | shapes are simplified; a larger sole carries more |
 | stance effectors | #(contact of another end effector) | 0 | columns of the table are end effectors |

@@ -1,8 +1,9 @@
-"""Whether every contact lies on a surface that allows it, inside its outline and uncovered."""
+"""Whether every contact lies on surfaces that allow it, inside their outline and uncovered."""
 
 from __future__ import annotations
 
 import numpy as np
+import shapely
 
 from .geometry import clip, corners
 from .limits import (
@@ -10,9 +11,12 @@ from .limits import (
     BESIDE,
     COVERED,
     EFFECTORS,
+    FLUSH,
     HEAD_ROOM,
     INSIDE,
+    JOINT,
     ON_SURFACE,
+    SAME_PLANE,
 )
 from .plan_file import PlanFile
 from .report import Place, Sheet
@@ -54,6 +58,10 @@ def check_contacts(sheet: Sheet, plan: PlanFile, scene: Scene) -> None:
     across = np.linalg.norm(np.cross(X_WC[:, :3, 2], normals), axis=1)
     sheet.add("contact normal", np.arctan2(across, (X_WC[:, :3, 2] * normals).sum(1)), ALONG_NORMAL, "rad", on)
     outside = [_outside(plates[c], corners(X_WC[c], half[effector[c]])) for c in rows]
+    outside = [
+        min(far, _outside_floor(scene, plates[c], X_WC[c], half[effector[c]])) if far > INSIDE else far
+        for c, far in enumerate(outside)
+    ]
     sheet.add("patch inside", outside, INSIDE, "m", on)
     sheet.add("patch uncovered", *_covered(plan, scene))
 
@@ -65,6 +73,44 @@ def _outside(plate: Plate, points: np.ndarray) -> float:
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-300)
     long = np.linalg.norm(edges, axis=1) > 1e-9
     return float((outward[long] @ points.T - (outward[long] * plate.vertices[long]).sum(1)[:, None]).max())
+
+
+def _outside_floor(scene: Scene, own: Plate, X_WC: np.ndarray, half: np.ndarray) -> float:
+    """How far a patch reaches beyond the plates that are one floor with its own, or how wide a gap under it is [m].
+
+    Those are plates of equal friction for the same end effectors, turned by at most `SAME_PLANE`; of them counts what lies
+    within `FLUSH` of the patch's plane. Joints up to twice `JOINT` are closed: each of their points is that near to a plate.
+
+    Args:
+        scene: the plan's scene.
+        own: the contact's plate.
+        X_WC: (4, 4) pose of the contact [m].
+        half: (2,) half extents of its patch [m].
+    """
+    room = half + 10 * JOINT
+    window = np.array([*room, FLUSH])
+    reach = np.linalg.norm(window)
+    parts = []
+    for plate in scene.plates:
+        if plate.normal @ own.normal < np.cos(SAME_PLANE):
+            continue
+        if plate.friction != own.friction or plate.allowed != own.allowed:
+            continue
+        if np.any(plate.low > X_WC[:3, 3] + reach) or np.any(plate.high < X_WC[:3, 3] - reach):
+            continue
+        part = clip((plate.vertices - X_WC[:3, 3]) @ X_WC[:3, :3], -window, window)
+        if len(part) >= 3:
+            parts.append(shapely.Polygon(part[:, :2]))
+    floor = shapely.union_all(parts)
+    if floor.is_empty:
+        return np.inf
+    floor = floor.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre")
+    missing = shapely.box(*-half, *half).difference(floor)
+    if missing.is_empty:
+        return 0.0
+    beyond = shapely.distance(shapely.points(shapely.get_coordinates(missing)), floor).max()
+    widest = max(2 * shapely.maximum_inscribed_circle(p).length for p in shapely.get_parts(missing) if p.area > 0)
+    return float(max(beyond, widest))
 
 
 def _covered(plan: PlanFile, scene: Scene) -> tuple[np.ndarray, float, str, Place]:

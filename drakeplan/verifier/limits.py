@@ -14,6 +14,8 @@ MAX_FILE, MAX_YAML = 1 << 30, 1 << 26  # [bytes]
 
 ON_SURFACE = 1e-3  # [m] contact point off its surface
 INSIDE = 1e-3  # [m] corner of a patch outside its surface's outline
+FLUSH, SAME_PLANE = 3e-3, np.deg2rad(1.0)  # [m, rad] surfaces are one floor within this of one plane
+JOINT = 3e-3  # [m] every point of a patch is this near to its floor: joints up to twice as wide are none
 ALONG_NORMAL = 1e-3  # [rad] contact frame's z off the surface's normal
 COVERED = 3e-3  # [m] what rises less than this over a patch does not cover it
 BESIDE = 3e-3  # [m] plates that touch a patch's rim by less than this do not cover it

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import yaml
@@ -31,6 +32,16 @@ class Plate:
     normal: np.ndarray
     friction: float
     allowed: frozenset[str]
+
+    @cached_property
+    def low(self) -> np.ndarray:
+        """(3,) lowest corner of its box [m]."""
+        return self.vertices.min(axis=0)
+
+    @cached_property
+    def high(self) -> np.ndarray:
+        """(3,) highest corner of its box [m]."""
+        return self.vertices.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False)

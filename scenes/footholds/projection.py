@@ -1,4 +1,4 @@
-"""Candidate contacts set down on the terrain: whole patch inside the surface, nothing above it.
+"""Candidate contacts set down on the terrain: whole patch inside the surface or its floor, nothing above it.
 
 Feet are looked for straight below a point of the plan view, palms along rays (Lin 2020 sec. 3.2, fig. 3.1).
 """
@@ -15,7 +15,9 @@ from numba import njit
 
 from scenes.contact import NEAR_LEVEL, Contact
 from scenes.effector import EFFECTORS, is_foot
+from scenes.footholds.floor_patch import lies_on_floor
 from scenes.robots.robot import EffectorSpec
+from scenes.terrain.floors import JOINT
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells, near, polygon_meets_box
 from scenes.terrain.solids import in_solid
 
@@ -107,6 +109,7 @@ def patch_fits(
     """Whether a patch at pose (p, R) lies inside the surface with nothing above it, nor above what reaches beyond it.
 
     What has no face there may still be a solid that the patch is wholly inside of.
+    Where the surface is a piece of a floor, the patch may lie on several of its pieces.
 
     Args:
         packed: the terrain.
@@ -119,6 +122,7 @@ def patch_fits(
     """
     hx, hy = patch.half_length, patch.half_width
     front, back, side, clearance = patch.front, patch.back, patch.side, patch.clearance
+    inside = True
     for a in range(4):
         sx = hx if (a == 0 or a == 3) else -hx
         sy = hy if a < 2 else -hy
@@ -128,7 +132,12 @@ def patch_fits(
         for k in range(packed.count[surface]):
             e = packed.edge_normal[surface, k]
             if e[0] * qx + e[1] * qy + e[2] * qz > packed.edge_offset[surface, k] - PATCH_MARGIN:
-                return False
+                inside = False
+    if not inside and not (
+        packed.floor[surface] >= 0
+        and lies_on_floor(packed, surface, p, R, hx + PATCH_MARGIN, hy + PATCH_MARGIN, around)
+    ):
+        return False
     low = np.array([-hx - back, -hy - side, COVER_GAP])
     high = np.array([hx + front, hy + side, clearance])
     reach = np.sqrt((hx + max(front, back)) ** 2 + (hy + side) ** 2 + clearance * clearance)
@@ -186,7 +195,10 @@ def project_foot(
             break  # ascending: triangles follow
         if not packed.allowed[k, effector] or packed.normal[k, 2] < 1e-3:
             continue
-        if x < packed.low[k, 0] or x > packed.high[k, 0] or y < packed.low[k, 1] or y > packed.high[k, 1]:
+        slack = JOINT if packed.floor[k] >= 0 else 0.0  # the middle of a sole may lie over a joint
+        if x < packed.low[k, 0] - slack or x > packed.high[k, 0] + slack:
+            continue
+        if y < packed.low[k, 1] - slack or y > packed.high[k, 1] + slack:
             continue
         z = (packed.offset[k] - packed.normal[k, 0] * x - packed.normal[k, 1] * y) / packed.normal[k, 2]
         if z > z_high or z < z_low or z <= best_z:
@@ -194,7 +206,7 @@ def project_foot(
         inside = True
         for e in range(packed.count[k]):
             n = packed.edge_normal[k, e]
-            if n[0] * x + n[1] * y + n[2] * z > packed.edge_offset[k, e]:
+            if n[0] * x + n[1] * y + n[2] * z > packed.edge_offset[k, e] + slack:
                 inside = False
                 break
         if inside:

@@ -9,6 +9,7 @@ from numba import njit
 
 from scenes.effector import EFFECTORS
 from scenes.terrain.closed_bodies import solid_of_triangles
+from scenes.terrain.floors import floors_of
 from scenes.terrain.polygon import area_vectors
 from scenes.terrain.terrain import Terrain
 
@@ -33,6 +34,8 @@ class PackedTerrain(NamedTuple):
         body: (P,) 1 where the polygon is a solid face (an obstacle triangle or a plate), 0 where a mesh face doubles it.
         solid: (P,) number of the obstacle whose closed body the triangle bounds, -1 for all others.
         friction: (P,) Coulomb coefficient.
+        floor: (S,) number of the floor that each surface is a piece of, -1 where it is alone.
+        joint_start: (S + 1,) and joint (J, 3, 3): triangles that fill the joints beside each surface [m], see `floors`.
         origin: (2,) lowest x and y of the grid [m].
         cell: (1,) edge of a cell [m].
         shape: (2,) cells in x and y.
@@ -52,6 +55,9 @@ class PackedTerrain(NamedTuple):
     body: np.ndarray
     solid: np.ndarray
     friction: np.ndarray
+    floor: np.ndarray
+    joint_start: np.ndarray
+    joint: np.ndarray
     origin: np.ndarray
     cell: np.ndarray
     shape: np.ndarray
@@ -92,6 +98,8 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
     friction = np.zeros(total)
     friction[:num_surfaces] = [s.friction for s in terrain.surfaces]
     low, high = vertices.min(axis=1), vertices.max(axis=1)
+    own = slice(num_surfaces)
+    floors = floors_of(vertices[own], count[own], normal[own], friction[own], allowed[own])
     return PackedTerrain(
         num_surfaces,
         vertices,
@@ -106,6 +114,7 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
         body,
         solid,
         friction,
+        *floors,
         *_grid(low, high),
     )
 

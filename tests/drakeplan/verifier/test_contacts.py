@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
+import yaml
 
 from drakeplan.plan.plan import Plan, PlanContacts
 from drakeplan.plan.plan_file import write_plan
@@ -48,3 +49,45 @@ def test_a_neighbour_covers_a_sole_when_it_stands_in_it(
     write_plan(standing, tmp_path / "plan.h5")
     check = verify(tmp_path / "plan.h5").check("patch uncovered")
     assert check.ok != covers, check
+
+
+@pytest.mark.parametrize(
+    ("pieces", "inside"),
+    [
+        ("[-1, 0.02], [0.02, 2]", True),  # a seam under both soles
+        ("[-1, 0.02], [0.025, 2]", True),  # a joint of 5 mm
+        ("[-1, 0.02], [0.04, 2]", False),  # a gap of 2 cm
+        ("[-1, -0.09], [-0.09, -0.03], [-0.03, 0.05], [0.05, 0.2]", True),  # narrow tiles
+        ("[-1, -0.09], [-0.09, 0.105]", False),  # the toes reach beyond the last tile
+        ("[-1, 0.02], [0.02, 2, 0.002]", True),  # a step of 2 mm
+        ("[-1, 0.02], [0.02, 2, -0.004]", False),  # the ground falls away by 4 mm
+        ("[-1, 0.02], [0.02, 2, 0, 0.7]", False),  # other friction: another floor
+    ],
+)
+def test_a_sole_may_rest_on_several_surfaces_of_one_floor(
+    stepping_plan: Plan, tmp_path: Path, pieces: str, inside: bool
+) -> None:
+    """Pieces of the ground from x to x, at a height, with a friction; the soles reach from -0.11 to 0.11."""
+    lines = []
+    for k, (x0, x1, z, mu) in enumerate([*piece, 0.0, 0.5][:4] for piece in yaml.safe_load(f"[{pieces}]")):
+        mu = 0.7 if mu == 0.7 else 0.5
+        corners = f"[[{x0}, -1, {z}], [{x1}, -1, {z}], [{x1}, 0.6, {z}], [{x0}, 0.6, {z}]]"
+        lines.append(f"  - {{name: piece {k}, vertices: {corners}, friction: {mu}}}\n")
+    text, table = stepping_plan.scene_yaml, stepping_plan.contacts
+    ground = next(line for line in text.splitlines(keepends=True) if "name: ground" in line)
+    under = next(k for k, line in enumerate(lines) if float(line.split("[[")[1].split(",")[0]) <= 0.0)
+    while under + 1 < len(lines) and float(lines[under + 1].split("[[")[1].split(",")[0]) <= 0.0:
+        under += 1
+    feet = PlanContacts(table.X_WC[:2], table.effector[:2], table.surface[:2] * 0 + under, table.friction[:2])
+    standing = dataclasses.replace(
+        stepping_plan,
+        scene_yaml=text.replace(ground, "".join(lines)),
+        contacts=feet,
+        stances=stepping_plan.stances[:1],
+        phases=None,
+        centroidal=None,
+        motion=None,
+    )
+    write_plan(standing, tmp_path / "plan.h5")
+    check = verify(tmp_path / "plan.h5").check("patch inside")
+    assert check.ok == inside, check
