@@ -31,6 +31,7 @@ from scenes.meshes.mesh_import import MESH_PREFIX, MeshImport, check_up_axis, im
 from scenes.meshes.mesh_path import mesh_path
 from scenes.pose import pose_matrix
 from scenes.scene import Goal, Scene, Start
+from scenes.terrain.polygon import flattened
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain, TriangleMesh
 
@@ -39,6 +40,7 @@ __all__ = ["read_scene", "scene_from_yaml", "scene_to_yaml", "write_scene"]
 NORMAL_AGREES = np.cos(np.deg2rad(5.0))  # how well a given normal has to fit the polygon
 CONTACT_OFF = 0.01  # [m] how far a given contact may lie off its surface
 CONTACT_TILT = np.cos(np.deg2rad(2.0))  # how well its z axis has to fit the surface normal
+FLATTENED = (1e-5, 5e-3)  # [m] corners farther than the first off their best plane are moved onto it, up to the second
 TWIN_CORNERS = 1e-6  # [m] corners nearer than this are one
 
 
@@ -127,6 +129,12 @@ def _surface(entry: SurfaceEntry, index: int, friction: float, source: str, note
         first, second = int(twins[0]), (int(twins[0]) + 1) % len(vertices)
         raise InputError(f"{source}: {where}.vertices: expected corners apart, [{first}] and [{second}] are the same")
     name = entry.name or f"surface_{index}"
+    flat, off_plane = flattened(vertices)
+    if FLATTENED[0] < off_plane <= FLATTENED[1]:
+        vertices = flat
+        notes.append(
+            f"{where}: {name!r} is not flat; its corners were moved onto the best plane, by up to {1e3 * off_plane:.2g} mm"
+        )
     effectors = None if entry.contact is None else frozenset(entry.contact)
     try:
         surface = Surface(name, vertices, friction if entry.friction is None else entry.friction, effectors)

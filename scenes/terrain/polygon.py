@@ -20,6 +20,17 @@ def polygon_normal(vertices: np.ndarray) -> np.ndarray:
     return doubled / max(np.linalg.norm(doubled), 1e-300)
 
 
+def flattened(vertices: np.ndarray) -> tuple[np.ndarray, float]:
+    """(K, 3) the corners of a polygon moved onto their best plane, and how far the farthest was moved [m].
+
+    The plane is that of least squares: a self-crossing outline can have any Newell normal.
+    """
+    middle = vertices.mean(axis=0)
+    normal = np.linalg.svd(vertices - middle, full_matrices=True)[2][2]
+    off = (vertices - middle) @ normal
+    return vertices - off[:, None] * normal, float(np.abs(off).max())
+
+
 def area(polygon: np.ndarray) -> float:
     """Area of a (K, 2) polygon, whichever way round its corners go [m^2]."""
     x, y = polygon.T

@@ -107,7 +107,9 @@ def _check_polygon(name: str, vertices: np.ndarray) -> None:
         raise InputError(f"{where} enclose no area")
     off_plane = np.abs(centred @ axes[2]).max()
     if off_plane > PLANARITY:
-        raise InputError(f"{where} must lie in one plane, one is {off_plane:.3g} m off it")
+        raise InputError(
+            f"{where} must lie in one plane, one is {off_plane:.3g} m off it; cut the polygon into flat pieces"
+        )
     outline = shapely.Polygon(centred @ axes[:2].T)
     if not outline.is_valid:
         raise InputError(f"{where} cross themselves ({shapely.is_valid_reason(outline)})")

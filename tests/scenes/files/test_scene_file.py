@@ -352,7 +352,7 @@ REFUSED = {
     "radius": (GROUND + "goal: {xyz: [0,0,0], radius: -0.1}", "goal.radius: expected more than 0, got -0.1"),
     "not planar": (
         surface("vertices: [[0,0,0],[1,0,0],[1,1,0.1],[0,1,0]]"),
-        "surfaces[1].vertices: 'ramp' must lie in one plane",
+        "surfaces[1].vertices: 'ramp' must lie in one plane, one is 0.0251 m off it; cut the polygon into flat pieces",
     ),
     "not convex": (
         surface("vertices: [[0,0,0],[1,0,0],[0.2,0.2,0],[0,1,0]]"),
@@ -409,3 +409,27 @@ def test_bad_input_is_one_line_that_names_file_key_and_what_was_expected(text, e
     assert "bad.yaml: " in message
     assert "\n" not in message
     assert len(message) < 400
+
+
+@pytest.mark.parametrize(("off", "moved"), [(0.0, False), (2e-6, False), (1.3e-3, True), (4e-3, True)])
+def test_a_polygon_that_is_nearly_flat_is_moved_onto_its_best_plane_and_that_is_said(off, moved):
+    """A square with two opposite corners up and two down: the best plane is level and every corner `off` away from it."""
+    corners = f"[[0,0,{off}],[1,0,{-off}],[1,1,{off}],[0,1,{-off}]]"
+    scene = scene_from_yaml(HEAD + f"surfaces: [{{name: floor, vertices: {corners}}}]", "map.yaml")
+    heights = scene.terrain.surfaces[0].vertices[:, 2]
+    if moved:
+        np.testing.assert_allclose(heights, 0.0, atol=1e-12)
+        (note,) = scene.notes
+        assert "map.yaml: surfaces[0]: 'floor' is not flat" in note
+        assert f"by up to {1e3 * off:.2g} mm" in note
+        again = scene_from_yaml(scene_to_yaml(scene), "again.yaml")
+        assert again.notes == ()
+    else:
+        np.testing.assert_array_equal(np.abs(heights), off)
+        assert scene.notes == ()
+
+
+def test_more_than_five_millimetres_off_the_plane_is_refused_with_the_distance():
+    corners = "[[0,0,0.006],[1,0,-0.006],[1,1,0.006],[0,1,-0.006]]"
+    with pytest.raises(InputError, match=r"one is 0.006 m off it; cut the polygon into flat pieces"):
+        scene_from_yaml(HEAD + f"surfaces: [{{name: floor, vertices: {corners}}}]", "map.yaml")
