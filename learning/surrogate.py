@@ -33,7 +33,7 @@ from learning.transition_features import (
     CanonicalTransitions,
     canonicalise,
 )
-from learning.weights import PRETRAINED, NoWeightsError, WeightsError, read_weights
+from learning.weights import PRETRAINED, NoWeightsError, OtherRobotError, WeightsError, read_weights
 from scenes.robots.robot import Robot, load_robot
 
 NAME = "dynamics"  # of the weight files in a robot's folder
@@ -190,7 +190,7 @@ def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: 
     if card.get("features") != list(relative_feature_names()):
         raise WeightsError(f"{source}: their list of features is not this version's; train them again")
     if card.get("robot") != robot.name or card.get("robot_dynamics") != dynamics_fingerprint(robot):
-        raise WeightsError(f"{source}: they were trained for another robot than {robot.name!r} as it is now")
+        raise OtherRobotError(f"{source}: they were trained for another robot than {robot.name!r} as it is now")
     d = len(relative_feature_names())
     shapes = {"calibration.scale": (NUM_CATEGORIES,), "calibration.offset": (NUM_CATEGORIES,),
               "calibration.threshold": (NUM_CATEGORIES,), "calibration.friction": (2,), "range.limit": (NUM_CATEGORIES,),

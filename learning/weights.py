@@ -31,6 +31,10 @@ class NoWeightsError(WeightsError):
     """There are no weights for this robot at all: the exact program has to answer."""
 
 
+class OtherRobotError(WeightsError):
+    """The weights are whole, but were trained for a robot of other mass, patches or reaches."""
+
+
 def write_weights(folder: Path, name: str, tensors: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> Path:
     """Writes `<name>.safetensors` and `<name>.json`, each whole or not at all; the same arrays give the same bytes.
 

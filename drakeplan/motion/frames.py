@@ -323,7 +323,8 @@ class MotionFrames:
         walked through one by one, each from the one before, with the pairs that are near there.
         """
         close = np.zeros(len(self.t), dtype=bool)
-        close[self._met.frame[self._met.distance < self._wanted(self._met) - self._apart + near]] = True
+        threshold = np.minimum(self._asked(self._met) - self._apart + near, self._wanted(self._met))
+        close[self._met.frame[self._met.distance < threshold]] = True
         if not close.any():
             return False
         q = self.q.copy()
@@ -349,7 +350,11 @@ class MotionFrames:
         return q
 
     def _wanted(self, met: Encounters) -> np.ndarray:
-        """(R,) distance that each pair should keep [m]: none of what stands on its contact, less where it takes off."""
+        """(R,) distance that each pair should keep [m], no greater than its own in the nominal posture."""
+        return self.setting.monitor.at_most_nominal(met, self._asked(met))
+
+    def _asked(self, met: Encounters) -> np.ndarray:
+        """(R,) distance asked of each pair [m]: none of what stands on its contact, less where it takes off."""
         wanted = np.full(len(met), self._apart)
         sole = met.effector >= 0
         room = self._room[met.frame[sole], met.effector[sole]]

@@ -8,7 +8,7 @@ each phase boundary gives the CoM a course that statics and kinematics agree on,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -17,7 +17,7 @@ from shapely.ops import nearest_points
 
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.proximity import ProximityMonitor
-from drakeplan.motion.separation import Room, separate_bodies
+from drakeplan.motion.separation import Room, Shortage, separate_bodies, shortages
 from drakeplan.motion.swing import SwingCurve
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.balance.balance_regions import balance_polygon, contact_arrays
@@ -44,6 +44,20 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GOOD_CONTACT, GOOD_COM = 1e-3, 5e-3  # [m] errors up to which a posture is one
 
 
+@dataclass(frozen=True)
+class Complaint:
+    """Why a boundary has no posture.
+
+    Attributes:
+        cause: the same text for boundaries that fail alike: "its own bodies", the two bodies that meet, "balance", "reach"
+            or "centre of mass".
+        sentence: what is wrong, and by how much.
+    """
+
+    cause: str
+    sentence: str
+
+
 @dataclass(frozen=True, eq=False)
 class KeyPostures:
     """One posture for each phase boundary, P + 1 of them.
@@ -54,6 +68,7 @@ class KeyPostures:
         contact_error: (P + 1,) greatest distance of a placed end effector from its contact [m].
         com_error: (P + 1,) horizontal distance of the CoM from where it was wanted [m].
         regions: (P + 1) balance polygons (V, 2) of the contacts that carry there, CCW [m].
+        near: bodies that are nearer to each other than asked, at boundaries without a posture.
     """
 
     q: np.ndarray
@@ -61,10 +76,27 @@ class KeyPostures:
     contact_error: np.ndarray
     com_error: np.ndarray
     regions: tuple[np.ndarray, ...]
+    near: dict[int, Shortage] = field(default_factory=dict)
 
     def failures(self) -> list[int]:
         """Boundaries without a posture."""
         return np.flatnonzero((self.contact_error > GOOD_CONTACT) | (self.com_error > GOOD_COM)).tolist()
+
+    def complaint(self, boundary: int) -> Complaint:
+        """What is wrong with the posture at a boundary that has none."""
+        if boundary in self.near:
+            short = self.near[boundary]
+            gap = f"{1e3 * short.distance:.0f} mm apart, {1e3 * short.asked:.0f} asked"
+            pair = " and ".join(short.bodies)
+            return Complaint("its own bodies" if short.own else pair, f"{pair} {gap}")
+        contact, com = float(self.contact_error[boundary]), float(self.com_error[boundary])
+        if not np.isfinite(com):
+            return Complaint("balance", "the contacts balance nowhere")
+        if contact / GOOD_CONTACT > com / GOOD_COM:
+            return Complaint("reach", f"an end effector stays {1e3 * contact:.0f} mm off its contact")
+        return Complaint(
+            "centre of mass", f"the centre of mass stays {1e3 * com:.0f} mm from where the contacts balance it"
+        )
 
 
 class BalanceRegions:
@@ -168,6 +200,7 @@ def solve_key_postures(
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
         answer = separate_bodies(tree, monitor, targets, answer, placed, room, reserve=0.0)
         keys = _judged(ik.kinematics, answer, polygons)
+        keys = replace(keys, near=shortages(monitor, keys.q, keys.failures(), placed))
     return keys
 
 

@@ -34,6 +34,7 @@ FREE_BOUNDS = (
     (0.6, 1.6),
     (0.8, 1.25),
 )  # of free durations, as factors; the next where joints are too slow for the first
+FEW = 3  # transitions that must all fail for one cause before other contacts are given up
 MAX_STRETCH = 5.0  # times its limit up to which a speed or jerk gets more time; a jump would not be mended by that
 
 
@@ -99,6 +100,7 @@ class MotionResult:
         problems: what is left.
         gaps: momenta of the motion less those of the dynamics, after each iteration of the two.
         torque: greatest joint torque under the planned contact forces; None without a motion.
+        alike: whether every transition fails for one cause, so that other contacts of the same kind would not help.
 
     Args:
         ok: whether no problems are left.
@@ -118,6 +120,7 @@ class MotionResult:
     problems: tuple[Problem, ...] = ()
     gaps: tuple[MomentumGap, ...] = ()
     torque: TorqueNeed | None = None
+    alike: bool = False
 
 
 class MotionMaker:
@@ -215,8 +218,12 @@ class MotionMaker:
         if failed:
             timings["dynamics_s"] += time.perf_counter() - began
             more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
-            reason = f"no posture found for transition {', '.join(map(str, failed[:3]))}{more}"
-            return MotionResult(False, reason, tuple(failed), schedule, timings=timings)
+            complaints = [keys.complaint(b) for b in keys.failures()]
+            where = f"no posture found for transition {', '.join(map(str, failed[:3]))}{more}"
+            causes = {c.cause for c in complaints}
+            alike = len(failed) == last + 1 >= FEW and len(causes) == 1
+            reason = f"{where}: {complaints[0].sentence}"
+            return MotionResult(False, reason, tuple(failed), schedule, timings=timings, alike=alike)
         self._deadline.check("during the motion")
         dynamics = SequenceDynamics(self.robot, schedule, self.cone, self.options.dt)
         frames = MotionFrames(self.setting, schedule, keys, dynamics, com_course)

@@ -12,6 +12,7 @@ from optimization.multibody.kinematics import Kinematics
 from optimization.multibody.robot_shapes import read_shapes
 from optimization.multibody.self_distance import near_itself
 from optimization.multibody.terrain_distance import near_terrain
+from scenes.robots.nominal_distances import nominal_distances
 from scenes.robots.plant import RobotPlant
 from scenes.terrain.packed_terrain import PackedTerrain, polygon_names
 from scenes.terrain.terrain import Terrain
@@ -121,6 +122,7 @@ class ProximityMonitor:
         self._tree, self._packed = kinematics.tree, packed
         self._shapes, self._names = read_shapes(robot_plant, kinematics)
         self._polygon_names = polygon_names(terrain) if terrain is not None else ()
+        self._nominal = nominal_distances(robot_plant.robot)
 
     def near(self, q: np.ndarray, frames: Iterable[int], distance: float) -> Encounters:
         """Every pair closer than a distance in the given frames.
@@ -161,3 +163,12 @@ class ProximityMonitor:
 
     def _polygon_name(self, k: int) -> str:
         return self._polygon_names[k] if k < len(self._polygon_names) else f"polygon {k}"
+
+    def at_most_nominal(self, met: Encounters, wanted: np.ndarray) -> np.ndarray:
+        """(R,) distances wanted of these pairs, no greater than the nominal posture has between the robot's own bodies [m].
+
+        Args:
+            met: R pairs of geometries.
+            wanted: (R,) distances [m].
+        """
+        return np.where(met.with_terrain, wanted, self._nominal.at_most(met.bodies, wanted))

@@ -10,11 +10,13 @@ from drakeplan.motion.proximity import KEEP, Encounters, ProximityMonitor
 from optimization.inverse_kinematics.frame_task import TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.multibody.kinematic_tree import KinematicTree, forward
+from scenes.robots.nominal_distances import ordered
 from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
 
 APART, SEEN = 0.02, 0.05  # [m] distance that bodies keep in key postures, and from which they are watched
 RESERVE, BEND = 0.02, 5.0  # [m] of a leg's length that key postures leave unused, and the weight of that
+TOLERATED = 2e-3  # [m] by which bodies may be nearer than asked
 ROUNDS = 4  # of moving bodies apart
 
 
@@ -41,9 +43,10 @@ class Room:
         """
         met = monitor.near(np.array(nominal_posture(robot), float)[None], [0], spread)
         met = met.where(~met.with_terrain)
+        apart = monitor.at_most_nominal(met, np.full(len(met), APART))
         least: dict[tuple[str, str], float] = {}
-        for bodies, distance in zip(met.bodies, met.distance.tolist(), strict=True):
-            least[bodies] = max(min(distance, least.get(bodies, spread)), APART)
+        for bodies, distance, lowest in zip(met.bodies, met.distance.tolist(), apart.tolist(), strict=True):
+            least[bodies] = max(min(distance, least.get(bodies, spread)), lowest)
         return cls(spread, least)
 
     def wanted(self, met: Encounters) -> np.ndarray:
@@ -68,7 +71,8 @@ def separate_bodies(
         targets: what the postures track; n of them.
         answer: the n postures to start from.
         placed: (n, E) contact numbers, not negative where an end effector may not move.
-        room: distance that arms keep which are not placed; everything else keeps `APART`.
+        room: distance that arms keep which are not placed; everything else keeps `APART`, bodies that are nearer than that
+            in the nominal posture nearly what they have there.
         reserve: length that legs keep unused [m].
     """
     num = len(answer.q)
@@ -80,10 +84,11 @@ def separate_bodies(
         legs, left = _legs(tree, answer.q)
         arm = np.array([[arms.get(int(link), -1) for link in pair] for pair in met.link]).reshape(-1, 2)
         free = ((arm >= 0) & (placed[met.frame[:, None], np.maximum(arm, 0)] < 0)).any(axis=1)
-        wanted = np.where(free, room.wanted(met), APART)
+        apart = monitor.at_most_nominal(met, np.full(len(met), APART))
+        wanted = np.where(free, room.wanted(met), apart)
         close = np.zeros(num, dtype=bool)
-        close[met.frame[met.distance < wanted - 2e-3]] = True
-        close[legs.frame[left < reserve - 2e-3]] = True
+        close[met.frame[met.distance < wanted - TOLERATED]] = True
+        close[legs.frame[left < reserve - TOLERATED]] = True
         if not close.any():
             break
         both = met.joined(legs)
@@ -94,6 +99,44 @@ def separate_bodies(
         targets = replace(targets, rows=rows)
         answer = track_postures(tree, targets, answer.q, solve=close, chained=False, max_iterations=40)
     return answer
+
+
+@dataclass(frozen=True)
+class Shortage:
+    """Two bodies that are nearer to each other than they are asked to be.
+
+    Attributes:
+        bodies: their names, in alphabetical order.
+        distance: between them [m].
+        asked: what they should keep [m].
+        own: whether both are the robot's.
+    """
+
+    bodies: tuple[str, str]
+    distance: float
+    asked: float
+    own: bool
+
+
+def shortages(monitor: ProximityMonitor, q: np.ndarray, frames: list[int], placed: np.ndarray) -> dict[int, Shortage]:
+    """The two bodies that fall shortest of what they are asked to keep, by frame; frames without any are left out.
+
+    Args:
+        monitor: distances of the robot's bodies to each other and the terrain.
+        q: (n, nq) postures.
+        frames: indices into q, ascending.
+        placed: (n, E) contact numbers, not negative where an end effector stands on the terrain.
+    """
+    met = monitor.near(q, frames, APART)
+    met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
+    apart = monitor.at_most_nominal(met, np.full(len(met), APART))
+    own = ~met.with_terrain
+    found: dict[int, Shortage] = {}
+    for k in np.argsort(met.distance - apart, kind="stable"):
+        if met.distance[k] < apart[k] - TOLERATED:
+            worst = Shortage(ordered(met.bodies[k]), float(met.distance[k]), float(apart[k]), bool(own[k]))
+            found.setdefault(int(met.frame[k]), worst)
+    return found
 
 
 def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:

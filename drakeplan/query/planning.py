@@ -18,7 +18,7 @@ from drakeplan.query.query import Query
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.result import PlanResult
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
-from learning.weights import NoWeightsError
+from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
@@ -67,7 +67,8 @@ def plan_scene(
         tell(ProgressEvent("load", note))
     tell(ProgressEvent("search", elapsed=0.0))
     result = _attempt(context, options, dynamics, record, tell)
-    if _may_fall_back(context, options, dynamics) and result.status != "complete" and record.expansions:
+    hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
+    if _may_fall_back(context, options, dynamics) and result.status != "complete" and record.expansions and not hopeless:
         record.notes.append(
             f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
         )
@@ -142,6 +143,8 @@ def _not_learned(context: QueryContext, options: PlanOptions) -> str:
         surrogate = load_surrogate(context.robot)
     except NoWeightsError as error:
         return str(error).split(":")[0]
+    except OtherRobotError:  # an own variant of a packaged robot, its name kept
+        return f"learned dynamics exist for another robot named {context.robot.name!r}, not for this variant of it"
     learned = surrogate.card.get("cone", DEFAULT_CONE)
     if context.cone != learned:
         return f"learned dynamics exist only for --cone {learned}"

@@ -96,6 +96,8 @@ class Query:
             if verification is not None and verification.holds:
                 return self._result("complete", "", plan, verification)
             self.refusal = Refusal.of_motion(sequence, motion, verification)
+            if motion.alike:  # the robot cannot walk as it is described: other contacts fail as these do
+                break
             if not self._bar(self.refusal):
                 break
             if repair == 0:

@@ -14,10 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet
+from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet
 from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import (
     ComInPolyhedronConstraint,
+    DistanceConstraint,
     InverseKinematics,
     MinimumDistanceLowerBoundConstraint,
 )
@@ -25,6 +26,7 @@ from pydrake.solvers import SnoptSolver, SolverOptions
 from pydrake.systems.framework import Context
 
 from scenes.effector import EFFECTORS
+from scenes.robots.nominal_distances import nominal_distances, ordered
 from scenes.robots.plant import RobotPlant
 
 FLIPPED = 1.0  # [rad] from here an orientation went the wrong way round
@@ -37,7 +39,8 @@ class PostureOptions:
 
     Attributes:
         min_distance: clearance to itself and to the terrain [m]; held soles and palms against the terrain are left out,
-            since the contact's pose alone decides that.
+            since the contact's pose alone decides that, and bodies that are nearer than this in the robot's nominal
+            posture are asked for nearly what they have there.
         influence: extra distance at which a pair begins to matter to the solver [m].
         position_tolerance: of a held contact [m].
         orientation_tolerance: of a held contact [rad].
@@ -81,13 +84,30 @@ class PostureAnswer:
     violations: tuple[Violation, ...]
 
 
+@dataclass(frozen=True)
+class ClosePair:
+    """Two geometries of the robot that stand nearer to each other than the usual clearance.
+
+    Attributes:
+        geometries: their identifiers.
+        least: distance that they keep instead [m].
+    """
+
+    geometries: tuple[GeometryId, GeometryId]
+    least: float
+
+
 @dataclass(frozen=True, eq=False)
 class _Held:
-    """A context whose filter leaves one set of held patches out, and the clearance that is measured in it."""
+    """A context whose filter leaves one set of held patches out, and the clearances that are measured in it.
+
+    Pairs of the robot's own geometries that can never keep the clearance have their own, each with its constraint.
+    """
 
     context: Context
     plant_context: Context
     clearance: MinimumDistanceLowerBoundConstraint
+    own: tuple[tuple[ClosePair, DistanceConstraint], ...]
 
 
 @dataclass(eq=False)
@@ -167,6 +187,8 @@ class PostureSolver:
         self._add_contacts(ik, X_WE, one_sided)
         self._add_balance(ik, com_region)
         ik.prog().AddConstraint(held.clearance, ik.q())
+        for _, distance in held.own:
+            ik.prog().AddConstraint(distance, ik.q())
         return ik
 
     def violations(
@@ -180,7 +202,8 @@ class PostureSolver:
             com_region: (V, 2) convex polygon for the CoM, counter-clockwise [m]; None for anywhere.
         """
         plant, options = self.robot_plant.plant, self.options
-        plant_context = self._filtered(X_WE).plant_context
+        held = self._filtered(X_WE)
+        plant_context = held.plant_context
         plant.SetPositions(plant_context, q)
         found = []
         for effector, X_WC, body in zip(EFFECTORS, X_WE, self.robot_plant.effector_bodies, strict=True):
@@ -197,19 +220,23 @@ class PostureSolver:
             found.append(Violation("CoM outside its region", float((A @ com[:2] - b).max()), options.region_tolerance))
         lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
         found.append(Violation("joint limit", float(np.maximum(q - upper, lower - q).max()), 1e-5))
-        found += self._collisions(plant_context)
+        found += self._collisions(held)
         wrong = [v for v in found if not v.value <= v.limit]
         return tuple(sorted(wrong, key=lambda v: v.value / max(v.limit, 1e-9), reverse=True))
 
-    def _collisions(self, plant_context: Context) -> list[Violation]:
-        scene = self.robot_plant.plant.get_geometry_query_input_port().Eval(plant_context)
-        least = self.options.min_distance
+    def _collisions(self, held: _Held) -> list[Violation]:
+        scene = self.robot_plant.plant.get_geometry_query_input_port().Eval(held.plant_context)
+        least, tolerance = self.options.min_distance, self.options.distance_tolerance
         found = []
+
+        def add(ids: tuple[GeometryId, GeometryId], distance: float, asked: float) -> None:
+            names = " and ".join(self.robot_plant.body_of(g) for g in ids)
+            found.append(Violation(f"{names} closer than {asked:.4g} m", asked - distance, tolerance))
+
         for pair in scene.ComputeSignedDistancePairwiseClosestPoints(max(least, 0.0)):
-            names = " and ".join(self.robot_plant.body_of(g) for g in (pair.id_A, pair.id_B))
-            found.append(
-                Violation(f"{names} closer than {least} m", least - pair.distance, self.options.distance_tolerance)
-            )
+            add((pair.id_A, pair.id_B), pair.distance, least)
+        for close, _ in held.own:
+            add(close.geometries, scene.ComputeSignedDistancePairClosestPoints(*close.geometries).distance, close.least)
         return found
 
     def _filtered(self, X_WE: Sequence[np.ndarray | None]) -> _Held:
@@ -217,11 +244,19 @@ class PostureSolver:
         if held not in self._held:
             context = held_context(self.robot_plant, held)
             plant_context = self.robot_plant.plant.GetMyContextFromRoot(context)
+            close = close_pairs(self.robot_plant, self.options.min_distance)
+            if close:
+                scene_graph = self.robot_plant.scene_graph
+                manager = scene_graph.collision_filter_manager(scene_graph.GetMyContextFromRoot(context))
+                for pair in close:
+                    manager.Apply(CollisionFilterDeclaration().ExcludeWithin(GeometrySet(list(pair.geometries))))
             clearance = MinimumDistanceLowerBoundConstraint(
                 self.robot_plant.plant, self.options.min_distance, plant_context, None, self.options.influence
             )
             clearance.set_description("clearance")
-            self._held[held] = _Held(context, plant_context, clearance)
+            plant = self.robot_plant.plant
+            own = tuple((p, DistanceConstraint(plant, p.geometries, plant_context, p.least, np.inf)) for p in close)
+            self._held[held] = _Held(context, plant_context, clearance, own)
         return self._held[held]
 
     def _add_contacts(self, ik: InverseKinematics, X_WE: Sequence[np.ndarray | None], one_sided: bool) -> None:
@@ -303,6 +338,28 @@ def held_context(robot_plant: RobotPlant, held: Sequence[bool]) -> Context:
         )
         manager.Apply(CollisionFilterDeclaration().ExcludeBetween(GeometrySet(patches), GeometrySet(terrain)))
     return context
+
+
+def close_pairs(robot_plant: RobotPlant, distance: float) -> tuple[ClosePair, ...]:
+    """The robot's own geometries that cannot keep this distance, since they have less in the nominal posture.
+
+    Args:
+        robot_plant: of the robot.
+        distance: that all others keep [m].
+    """
+    nominal = nominal_distances(robot_plant.robot)
+    limits = {bodies: least for bodies in nominal.distance if (least := nominal.limit(bodies)) < distance}
+    inspector = robot_plant.scene_graph.model_inspector()
+    return tuple(
+        ClosePair(ids, limits[bodies])
+        for ids in (sorted(inspector.GetCollisionCandidates(), key=_by_value) if limits else ())
+        if (bodies := ordered((robot_plant.body_of(ids[0]), robot_plant.body_of(ids[1])))) in limits
+        and not set(ids) & set(robot_plant.terrain_geometry)
+    )
+
+
+def _by_value(ids: tuple[GeometryId, GeometryId]) -> tuple[int, int]:
+    return ids[0].get_value(), ids[1].get_value()
 
 
 def half_planes(polygon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
