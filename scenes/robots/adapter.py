@@ -1,4 +1,4 @@
-"""Makes the URDF of an installed package into one that Drake's Parser loads alone.
+"""Makes any robot model into a URDF that Drake's Parser loads alone.
 
 Drake takes no STL or DAE collision meshes, no package:// without a map, actuators only from transmissions, and
 filters no pairs that touch by design. The adapted model lies in the user's cache, next to its meshes, in a folder
@@ -14,26 +14,66 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import platformdirs
 from lxml import etree  # type: ignore[attr-defined]
 
+from scenes.files.cache_folder import cache_folder
 from scenes.input_error import InputError
-from scenes.robots.schema import FrameEntry, PackageEntry
+from scenes.robots.addresses import Addresses
+from scenes.robots.base_link import stand_on
+from scenes.robots.schema import FrameEntry, ModelChanges, PackageEntry
+from scenes.robots.urdf_file import read_urdf
+from scenes.robots.urdf_pose import numbers, origin, origin_element, pose, turn
 
-ADAPTER_VERSION = 1  # part of the cache's key: raise it when the same input shall give another model
-MAX_URDF_BYTES = 20_000_000
+ADAPTER_VERSION = 2  # part of the cache's key: raise it when the same input shall give another model
 TOUCHING = 0.005  # [m] bodies nearer than this in the nominal posture are taken to touch by design
 DRAKE = "http://drake.mit.edu"
+WIDEST = {"revolute": math.pi, "continuous": math.pi, "prismatic": 1.0}  # [rad, m] of joints that name no limits
+FASTEST = {"revolute": 10.0, "continuous": 10.0, "prismatic": 2.0}  # [rad/s, m/s] of joints that name no speed
 KEPT = ("link", "joint", "material")  # what a URDF needs for planning; sensors, plugins and comments go
 MOVING = ("revolute", "continuous", "prismatic")
 
 
+@dataclass(frozen=True)
+class ModelSource:
+    """A model file and what is to be made of it.
+
+    Attributes:
+        file: URDF, SDF or MJCF.
+        addresses: where its meshes lie; `addresses.source` is the robot file, for errors.
+        changes: frames, welds and collision pairs that the robot file adds.
+        slots: further frames to add, by name: those of end effectors that the model has under another name, or lacks.
+        key: the robot file's key that holds the changes, for errors.
+    """
+
+    file: Path
+    addresses: Addresses
+    changes: ModelChanges
+    slots: Mapping[str, FrameEntry] = field(default_factory=dict)
+    key: str = "changes"
+
+
+def package_source(package: PackageEntry, *, source: str, packages: Mapping[str, Path] | None = None) -> ModelSource:
+    """The model of an installed package.
+
+    Args:
+        package: where its model is and what to change.
+        source: the robot file, for errors.
+        packages: folders of package:// addresses that the user gave.
+
+    Raises:
+        InputError: the package is not installed, or has no such file.
+    """
+    folders = {**_folders(package, source), **(packages or {})}
+    addresses = Addresses(source, folders, confined=True)
+    return ModelSource(addresses.resolve(package.urdf, Path("/")), addresses, package, key="package")
+
+
 def adapted_model(
-    name: str, package: PackageEntry, base_body: str, nominal: Mapping[str, float], *, source: str
+    name: str, package: PackageEntry | ModelSource, base_body: str, nominal: Mapping[str, float], *, source: str
 ) -> Path:
     """The path of the adapted URDF, made now if this content was never adapted before.
 
@@ -47,11 +87,22 @@ def adapted_model(
     Raises:
         InputError: the package is not installed, or its model is not what the robot file says.
     """
-    model = _Model(name, package, base_body, dict(nominal), source, _folders(package, source))
-    root = Path(platformdirs.user_cache_dir("drakeplan")) / "robots"
+    origin = package_source(package, source=source) if isinstance(package, PackageEntry) else package
+    if origin.file.suffix.lower() == ".urdf":
+        return _adapted(name, origin, base_body, nominal)
+    from scenes.robots.drake_to_urdf import urdf_from_drake
+
+    with tempfile.TemporaryDirectory(prefix="drakeplan-model-") as scratch:
+        urdf = urdf_from_drake(origin.file, origin.addresses, Path(scratch))
+        addresses = Addresses(origin.addresses.source)
+        return _adapted(name, replace(origin, file=urdf, addresses=addresses), base_body, nominal)
+
+
+def _adapted(name: str, origin: ModelSource, base_body: str, nominal: Mapping[str, float]) -> Path:
+    model = _Model(name, origin, base_body, dict(nominal))
+    root = cache_folder("robots")
     final = root / f"{name}-{model.content_hash()}"
     if not (final / "model.urdf").is_file():
-        root.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=root))
         try:
             model.write(scratch)
@@ -84,27 +135,16 @@ class _Model:
     """One adaptation: the URDF's tree, changed step by step, and the mesh files that go beside it."""
 
     name: str
-    package: PackageEntry
+    origin: ModelSource
     base_body: str
     nominal: dict[str, float]
-    source: str
-    folders: dict[str, Path]
     files: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        urdf = self.resolve(self.package.urdf, Path("/"))
-        if urdf.stat().st_size > MAX_URDF_BYTES:
-            raise InputError(f"{urdf}: larger than {MAX_URDF_BYTES} bytes, which no robot model is")
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True)
-        try:
-            tree = etree.parse(str(urdf), parser)
-        except etree.XMLSyntaxError as error:
-            raise InputError(f"{urdf}: not XML ({error})") from None
-        if tree.docinfo.internalDTD is not None:
-            raise InputError(f"{urdf}: declares a document type, expected a plain URDF")
-        self.urdf = urdf
+        self.source, self.changes, self.urdf = self.origin.addresses.source, self.origin.changes, self.origin.file
+        tree = read_urdf(self.urdf)
         self.root = etree.Element("robot", nsmap={"drake": DRAKE}, name=self.name)
-        self.root.extend([e for e in tree.getroot() if e.tag in KEPT])
+        self.root.extend([e for e in tree if e.tag in KEPT])
         self.links = {e.get("name"): e for e in self.root.findall("link")}
         self.joints = {e.get("name"): e for e in self.root.findall("joint")}
         self._check_numbers()
@@ -115,7 +155,8 @@ class _Model:
         digest = hashlib.sha256(
             f"{ADAPTER_VERSION} {self.name} {self.base_body} {sorted(self.nominal.items())}".encode()
         )
-        digest.update(self.package.model_dump_json().encode())
+        digest.update(self.changes.model_dump_json().encode())
+        digest.update(repr(sorted((k, f.model_dump_json()) for k, f in self.origin.slots.items())).encode())
         for path in [self.urdf, *sorted({self.mesh_path(m) for m in self.root.iter("mesh")})]:
             digest.update(path.name.encode() + path.read_bytes())
         return digest.hexdigest()[:16]
@@ -123,6 +164,10 @@ class _Model:
     def write(self, folder: Path) -> None:
         """Everything into a folder: model.urdf and its meshes."""
         self._weld_fixed_joints()
+        stand_on(self.base_body, self.root, self.source)
+        self.links = {e.get("name"): e for e in self.root.findall("link")}
+        self.joints = {e.get("name"): e for e in self.root.findall("joint")}
+        self._limit_joints()
         self._convert_collisions()
         self._convert_visuals()
         self._add_frames()
@@ -133,24 +178,9 @@ class _Model:
         self._filter_pairs(folder / "model.urdf")
         self._write_urdf(folder)
 
-    def resolve(self, address: str, base: Path) -> Path:
-        """The file that a mesh address names, inside the package's folders only."""
-        if address.startswith("package://"):
-            package, _, rest = address.removeprefix("package://").lstrip("/").partition("/")
-            if package not in self.folders:
-                raise InputError(f"{self.source}: {address}: package.folders does not name {package!r}")
-            path = (self.folders[package] / rest).resolve()
-        else:
-            path = (base / address.removeprefix("file://")).resolve()
-        if not any(path.is_relative_to(folder) for folder in self.folders.values()):
-            raise InputError(f"{self.source}: {address}: leads out of the package's folders")
-        if not path.is_file():
-            raise InputError(f"{self.source}: {address}: there is no file {path}")
-        return path
-
     def mesh_path(self, mesh: etree._Element) -> Path:
         """The file of a mesh element."""
-        return self.resolve(mesh.get("filename", ""), self.urdf.parent)
+        return self.origin.addresses.resolve(mesh.get("filename", ""), self.urdf.parent)
 
     def _check_numbers(self) -> None:
         for element in self.root.iter(
@@ -168,33 +198,57 @@ class _Model:
                     raise InputError(f"{self.urdf}: {element.tag}.{key}: expected finite numbers, got {value!r}")
 
     def _check_names(self) -> None:
-        package = self.package
+        changes, key = self.changes, self.origin.key
         bodies = {
             "base_body": [self.base_body],
-            "package.frames": [f.body for f in package.frames.values()],
-            "package.one_hull": [b for group in package.one_hull for b in group],
-            "package.ignored_pairs": [b for pair in package.ignored_pairs for b in pair],
+            f"{key}.frames": [f.body for f in changes.frames.values()],
+            f"{key}.one_hull": [b for group in changes.one_hull for b in group],
+            f"{key}.ignored_pairs": [b for pair in changes.ignored_pairs for b in pair],
         }
-        for key, names in bodies.items():
+        bodies |= {f"effectors.{slot}.frame": [f.body] for slot, f in self.origin.slots.items()}
+        for where, names in bodies.items():
             for name in names:
                 if name not in self.links:
-                    raise InputError(f"{self.source}: {key}: the model has no link {name!r}")
-        for key, names in {"package.fixed": package.fixed, "nominal": self.nominal}.items():
+                    raise InputError(f"{self.source}: {where}: the model has no link {name!r}")
+        for where, names in {f"{key}.fixed": changes.fixed, "nominal": self.nominal}.items():
             for name in names:
                 if name not in self.joints:
-                    raise InputError(f"{self.source}: {key}: the model has no joint {name!r}")
+                    raise InputError(f"{self.source}: {where}: the model has no joint {name!r}")
 
     def _weld_fixed_joints(self) -> None:
         for name, joint in self.joints.items():
             mimic = joint.find("mimic")
-            if mimic is None and name not in self.package.fixed:
+            if mimic is None and name not in self.changes.fixed:
                 continue
-            X = _origin(joint) @ _turn(joint, self.package.fixed.get(name, 0.0))
+            if joint.get("type") not in (*MOVING, "fixed"):
+                raise InputError(f"{self.source}: {self.origin.key}.fixed: joint {name!r} is {joint.get('type')}")
+            X = origin(joint) @ turn(joint, self.changes.fixed.get(name, 0.0))
             for tag in ("mimic", "axis", "limit", "dynamics", "safety_controller", "calibration", "origin"):
                 for child in joint.findall(tag):
                     joint.remove(child)
             joint.set("type", "fixed")
-            joint.insert(0, _origin_element(X))
+            joint.insert(0, origin_element(X))
+
+    def _limit_joints(self) -> None:
+        """Joints without limits turn once around at most; postures are looked for between limits."""
+        for name, joint in self.joints.items():
+            kind = joint.get("type")
+            if kind not in (*MOVING, "fixed"):
+                raise InputError(
+                    f"{self.urdf}: joint {name!r} is {kind}, expected revolute, continuous, prismatic or fixed"
+                )
+            if kind == "fixed":
+                continue
+            limit = joint.find("limit")
+            if limit is None:
+                limit = etree.SubElement(joint, "limit")
+            if kind == "continuous":
+                joint.set("type", "revolute")
+                limit.set("lower", repr(-math.pi))
+                limit.set("upper", repr(math.pi))
+            for key, value in (("lower", -WIDEST[kind]), ("upper", WIDEST[kind]), ("velocity", FASTEST[kind])):
+                if limit.get(key) is None:
+                    limit.set(key, repr(value))
 
     def _convert_collisions(self) -> None:
         from scenes.robots.meshes import hull_obj, points_of
@@ -208,7 +262,7 @@ class _Model:
                     continue
                 link.remove(collision)
                 points = points_of(self.mesh_path(mesh), _scale(mesh))
-                X = X_OL @ _origin(collision)
+                X = X_OL @ origin(collision)
                 points = points @ X[:3, :3].T + X[:3, 3]
                 if owner == name and not self._owns_group(name):
                     self._add_hull(name, hull_obj(points))
@@ -218,17 +272,17 @@ class _Model:
             self._add_hull(owner, hull_obj(np.concatenate(parts)))
 
     def _owns_group(self, name: str) -> bool:
-        return any(group[0] == name for group in self.package.one_hull)
+        return any(group[0] == name for group in self.changes.one_hull)
 
     def _hull_owner(self, name: str) -> tuple[str, np.ndarray]:
         """The link that carries this link's collision shape, and the pose (4, 4) of this link in it."""
-        group = next((g for g in self.package.one_hull if name in g), [name])
+        group = next((g for g in self.changes.one_hull if name in g), [name])
         X = np.eye(4)
         while name != group[0]:
             joint = next((j for j in self.joints.values() if j.find("child").get("link") == name), None)
             if joint is None or joint.get("type") != "fixed":
                 raise InputError(f"{self.source}: package.one_hull: {name} is not welded to {group[0]}")
-            X = _origin(joint) @ X
+            X = origin(joint) @ X
             name = joint.find("parent").get("link")
         return group[0], X
 
@@ -264,12 +318,13 @@ class _Model:
                 etree.SubElement(material, "color", rgba=" ".join(f"{v:.3f}" for v in colour))
 
     def _add_frames(self) -> None:
-        for name, frame in self.package.frames.items():
+        for name, frame in {**self.changes.frames, **self.origin.slots}.items():
             if name in self.links:
-                raise InputError(f"{self.source}: package.frames.{name}: the model has a link of that name")
+                where = f"effectors.{name}" if name in self.origin.slots else f"{self.origin.key}.frames.{name}"
+                raise InputError(f"{self.source}: {where}: the model has a link of that name")
             self.links[name] = etree.SubElement(self.root, "link", name=name)
             joint = etree.SubElement(self.root, "joint", name=f"{name}_mount", type="fixed")
-            joint.append(_origin_element(_frame_pose(frame)))
+            joint.append(origin_element(_frame_pose(frame)))
             etree.SubElement(joint, "parent", link=frame.body)
             etree.SubElement(joint, "child", link=name)
             self.joints[f"{name}_mount"] = joint
@@ -285,7 +340,7 @@ class _Model:
             etree.SubElement(actuator, "mechanicalReduction").text = "1"
 
     def _filter_pairs(self, urdf: Path) -> None:
-        pairs = {tuple(sorted(p)) for p in self.package.ignored_pairs} | touching_pairs(urdf, self.nominal, TOUCHING)
+        pairs = {tuple(sorted(p)) for p in self.changes.ignored_pairs} | touching_pairs(urdf, self.nominal, TOUCHING)
         for a, b in sorted(pairs):
             group = etree.SubElement(self.root, f"{{{DRAKE}}}collision_filter_group", name=f"{a}_{b}")
             etree.SubElement(group, f"{{{DRAKE}}}member", link=a)
@@ -305,19 +360,23 @@ def touching_pairs(urdf: Path, nominal: Mapping[str, float], distance: float) ->
         nominal: joint angles by name [rad]; other joints stand at 0.
         distance: bodies nearer than this are named [m].
     """
-    from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
     from pydrake.systems.framework import DiagramBuilder
 
+    from scenes.robots.drake_parser import add_model, set_joint, unreadable_model
+
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    Parser(plant).AddModels(urdf)
-    plant.Finalize()
+    try:
+        add_model(plant, urdf)
+        plant.Finalize()
+    except RuntimeError as error:
+        raise unreadable_model(urdf, error) from None
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     plant_context = plant.GetMyContextFromRoot(context)
     for joint, angle in nominal.items():
-        plant.GetJointByName(joint).set_angle(plant_context, angle)
+        set_joint(plant.GetJointByName(joint), plant_context, angle)
     inspector = scene_graph.model_inspector()
     query = plant.get_geometry_query_input_port().Eval(plant_context)
     pairs = set()
@@ -327,52 +386,9 @@ def touching_pairs(urdf: Path, nominal: Mapping[str, float], distance: float) ->
     return pairs
 
 
-def _numbers(text: str | None, default: str) -> np.ndarray:
-    return np.array([float(v) for v in (text or default).split()])
-
-
 def _scale(mesh: etree._Element) -> np.ndarray:
-    return _numbers(mesh.get("scale"), "1 1 1") * np.ones(3)
-
-
-def _pose(xyz: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
-    X = np.eye(4)
-    X[:3, :3] = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    X[:3, 3] = xyz
-    return X
+    return numbers(mesh.get("scale"), "1 1 1") * np.ones(3)
 
 
 def _frame_pose(frame: FrameEntry) -> np.ndarray:
-    return _pose(np.array(frame.xyz), np.array(frame.rpy))
-
-
-def _origin(element: etree._Element) -> np.ndarray:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    return _pose(_numbers(origin.get("xyz"), "0 0 0"), _numbers(origin.get("rpy"), "0 0 0"))
-
-
-def _origin_element(X: np.ndarray) -> etree._Element:
-    R = X[:3, :3]
-    rpy = (np.arctan2(R[2, 1], R[2, 2]), np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0])), np.arctan2(R[1, 0], R[0, 0]))
-    text = {k: " ".join(f"{v:.9f}" for v in values) for k, values in {"xyz": X[:3, 3], "rpy": rpy}.items()}
-    return etree.Element("origin", **text)
-
-
-def _turn(joint: etree._Element, angle: float) -> np.ndarray:
-    """(4, 4) displacement of a joint at this angle [rad] (or length [m])."""
-    axis = _numbers(joint.find("axis").get("xyz") if joint.find("axis") is not None else None, "1 0 0")
-    axis = axis / np.linalg.norm(axis)
-    X = np.eye(4)
-    if joint.get("type") == "prismatic":
-        X[:3, 3] = axis * angle
-        return X
-    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    X[:3, :3] = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
-    return X
+    return pose(np.array(frame.xyz), np.array(frame.rpy))

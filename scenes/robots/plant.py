@@ -28,13 +28,13 @@ from pydrake.geometry import (
     Shape,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from scenes.effector import EFFECTORS, is_foot
 from scenes.meshes.convex_faces import join_coplanar
+from scenes.robots.drake_parser import add_model, set_joint
 from scenes.robots.robot import Robot
 from scenes.terrain.polygon import polygon_normal
 from scenes.terrain.surface import Surface
@@ -104,7 +104,7 @@ class RobotPlant:
         """(nq,) the nominal posture with the soles at z = 0 and the mean of the feet at the origin."""
         context = self.plant.CreateDefaultContext()
         for name, angle in self.robot.nominal.items():
-            self.plant.GetJointByName(name).set_angle(context, angle)
+            set_joint(self.plant.GetJointByName(name), context, angle)
         base = self.plant.GetBodyByName(self.robot.base_body)
         self.plant.SetFreeBodyPose(context, base, RigidTransform())
         p_BF = [self.plant.EvalBodyPoseInWorld(context, foot).translation() for foot in self.effector_bodies[:2]]
@@ -149,7 +149,7 @@ def _robot_alone(robot: Robot) -> RobotPlant:
 def _build(robot: Robot, terrain: Terrain | None, meshcat: Meshcat | None, near: np.ndarray | None) -> RobotPlant:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
-    Parser(plant).AddModels(robot.model)
+    add_model(plant, robot.model)
     surfaces: list[GeometryId | None] = []
     names: dict[GeometryId, str] = {}
     if terrain is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -11,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from lxml import etree  # type: ignore[attr-defined]
 
-from scenes.effector import EFFECTORS
+from scenes.effector import EFFECTORS, LEFT_PALM, RIGHT_PALM
 from scenes.input_error import InputError, unknown_name
+from scenes.robots.model_file import MODEL_SUFFIXES, find_model
 from scenes.robots.schema import RobotEntry, read_robot_file
 
 ROBOTS = Path(__file__).parent
@@ -26,7 +28,8 @@ class EffectorSpec:
         name: one of `EFFECTORS`.
         frame: body of the model whose frame is the contact frame: centre of the sole or palm, z out of the surface
             it presses on, x along the toes or fingers.
-        half_extent: half length along x and half width along y of the patch that may carry load [m].
+        half_extent: half length along x and half width along y of the patch that may carry load [m]; 0 of a palm that
+            the robot does not have.
         overhang: how far the foot reaches beyond its patch to the front, to the back and to each side [m]; it needs
             room there, but no ground. Palms have none.
     """
@@ -66,6 +69,7 @@ class Robot:
         foot_separation: least and nominal lateral distance of the feet [m].
         force_limit: (4,) greatest normal force of each end effector, in multiples of M g.
         com_reach: (4,) greatest distance of the CoM from each contact [m].
+        source: the robot file.
     """
 
     name: str
@@ -89,12 +93,18 @@ class Robot:
     foot_separation: tuple[float, float]
     force_limit: np.ndarray
     com_reach: np.ndarray
+    source: Path = Path()
 
     def __post_init__(self) -> None:
         for field in ("shoulder", "hip", "torso_box_centre", "torso_box_size", "force_limit", "com_reach"):
             array = np.array(getattr(self, field), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, field, array)
+
+    @property
+    def palms(self) -> tuple[int, ...]:
+        """The palms that the robot has, as indices into `EFFECTORS`."""
+        return tuple(e for e in (LEFT_PALM, RIGHT_PALM) if min(self.effectors[e].half_extent) > 0.0)
 
     @cached_property
     def half_extents(self) -> np.ndarray:
@@ -107,8 +117,12 @@ def robot_names() -> list[str]:
     return sorted(p.stem for p in ROBOTS.glob("*/*.yaml") if p.stem == p.parent.name)
 
 
-def load_robot(name: str | Path) -> Robot:
+def load_robot(name: str | Path, packages: Mapping[str, Path] | None = None) -> Robot:
     """Reads a robot by name, or from a YAML file given by path.
+
+    Args:
+        name: of a robot that comes with drakeplan, or a path that ends in .yaml or .yml.
+        packages: folders of package:// addresses by package name, besides those that the robot file names.
 
     Raises:
         InputError: no such robot, or a description that is wrong.
@@ -116,59 +130,65 @@ def load_robot(name: str | Path) -> Robot:
     text = str(name)
     if text.endswith((".yaml", ".yml")):
         path = Path(text)
-        return _robot(path, read_robot_file(path))
+        return _robot(path, read_robot_file(path), packages)
+    if Path(text).suffix.lower() in MODEL_SUFFIXES:
+        raise InputError(
+            f"{text}: a model, expected a robot's name or its YAML file, which names the model, soles and reaches"
+        )
     if text not in robot_names():
         raise unknown_name("robot", text, robot_names())
-    return _named_robot(text)
+    return _named_robot(text) if not packages else _robot(robot_path(text), read_robot_file(robot_path(text)), packages)
+
+
+def robot_path(name: str) -> Path:
+    """The YAML file of a robot that comes with drakeplan."""
+    return ROBOTS / name / f"{name}.yaml"
 
 
 @lru_cache(maxsize=8)
 def _named_robot(name: str) -> Robot:
-    path = ROBOTS / name / f"{name}.yaml"
-    return _robot(path, read_robot_file(path))
+    path = robot_path(name)
+    return _robot(path, read_robot_file(path), None)
 
 
-def _robot(path: Path, entry: RobotEntry) -> Robot:
-    model = _model_file(path, entry)
+def _robot(path: Path, entry: RobotEntry, packages: Mapping[str, Path] | None) -> Robot:
+    model = find_model(path, entry, packages or {})
     tree = _read_model(model)
     _check_names(path, entry, tree)
-    effectors = [entry.effectors[e] for e in EFFECTORS]
+    torso = entry.torso_box
+    above = (0.0, 0.0, torso.centre[2] + 0.5 * torso.size[2])  # where shoulders would be
     return Robot(
         name=entry.name,
         model=model,
         model_sha256=hashlib.sha256(model.read_bytes()).hexdigest(),
         mass=_mass(model, tree),
-        effectors=tuple(
-            EffectorSpec(n, e.frame, e.half_extent, e.overhang) for n, e in zip(EFFECTORS, effectors, strict=True)
-        ),
+        effectors=tuple(_effector(entry, name) for name in EFFECTORS),
         base_body=entry.base_body,
         torso_body=entry.torso_body,
         nominal=dict(entry.nominal),
-        shoulder=np.array(entry.shoulder),
+        shoulder=np.array(entry.shoulder or above),
         hip=np.array(entry.hip),
-        arm_reach=entry.arm_reach,
+        arm_reach=entry.arm_reach or (0.0, 0.0),
         leg_reach=entry.leg_reach,
         com_height=entry.com_height,
-        torso_box_centre=np.array(entry.torso_box.centre),
-        torso_box_size=np.array(entry.torso_box.size),
+        torso_box_centre=np.array(torso.centre),
+        torso_box_size=np.array(torso.size),
         max_foot_translation=entry.max_foot_translation,
-        max_palm_translation=entry.max_palm_translation,
+        max_palm_translation=entry.max_palm_translation or 0.0,
         max_step_height=entry.max_step_height,
         foot_separation=entry.foot_separation,
-        force_limit=np.array([e.force_limit for e in effectors]),
-        com_reach=np.array([e.com_reach for e in effectors]),
+        force_limit=np.array([e.force_limit if (e := entry.effectors.get(n)) else 0.0 for n in EFFECTORS]),
+        com_reach=np.array([e.com_reach if (e := entry.effectors.get(n)) else 0.0 for n in EFFECTORS]),
+        source=path.resolve(),
     )
 
 
-def _model_file(path: Path, entry: RobotEntry) -> Path:
-    if entry.package is not None:
-        from scenes.robots.adapter import adapted_model
-
-        return adapted_model(entry.name, entry.package, entry.base_body, entry.nominal, source=str(path))
-    model = (path.parent / str(entry.model)).resolve()
-    if not model.is_file():
-        raise InputError(f"{path}: model: there is no file {model}")
-    return model
+def _effector(entry: RobotEntry, name: str) -> EffectorSpec:
+    """An end effector; its frame has its name, the model's own where that loads as it is."""
+    found = entry.effectors.get(name)
+    if found is None:
+        return EffectorSpec(name, name, (0.0, 0.0))
+    return EffectorSpec(name, name, found.half_extent, found.overhang)
 
 
 def _read_model(model: Path) -> etree._ElementTree:
@@ -190,8 +210,7 @@ def _mass(model: Path, tree: etree._ElementTree) -> float:
 
 def _check_names(path: Path, entry: RobotEntry, tree: etree._ElementTree) -> None:
     links, joints = ({e.get("name") for e in tree.iterfind(tag)} for tag in ("link", "joint"))
-    frames = {f"effectors.{name}.frame": e.frame for name, e in entry.effectors.items()}
-    for key, link in {"base_body": entry.base_body, "torso_body": entry.torso_body, **frames}.items():
+    for key, link in {"base_body": entry.base_body, "torso_body": entry.torso_body}.items():
         if link not in links:
             raise InputError(f"{path}: {key}: the model has no link {link!r}")
     for joint in entry.nominal:

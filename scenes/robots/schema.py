@@ -19,9 +19,10 @@ def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
-def _four_effectors(effectors: dict[str, object]) -> dict[str, object]:
-    if set(effectors) != set(EFFECTORS):
-        raise ValueError(f"expected exactly the keys {', '.join(EFFECTORS)}")
+def _known_effectors(effectors: dict[str, object]) -> dict[str, object]:
+    if not set(EFFECTORS[:2]) <= set(effectors) <= set(EFFECTORS):
+        feet, palms = " and ".join(EFFECTORS[:2]), " and ".join(EFFECTORS[2:])
+        raise ValueError(f"expected {feet}, and {palms} where the robot has palms")
     return effectors
 
 
@@ -31,6 +32,9 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Number, Number, Number]
 Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
 Heights = Annotated[tuple[Positive, Positive, Positive], AfterValidator(_ascending)]
+
+
+PALM_KEYS = ("shoulder", "arm_reach", "max_palm_translation")  # only robots with palms have them
 
 
 class _Strict(BaseModel):
@@ -62,56 +66,84 @@ class FrameEntry(_Strict):
     rpy: Point = (0.0, 0.0, 0.0)
 
 
-class PackageEntry(_Strict):
-    """A model inside an installed Python distribution, which the adapter makes readable for Drake.
+class ModelChanges(_Strict):
+    """What is changed of a model.
 
     Attributes:
-        distribution: name on PyPI.
-        folders: name in package:// addresses -> folder below site-packages.
-        urdf: package:// address of the model.
         frames: contact frames to add as links.
         fixed: joints that are welded, at these angles [rad]; joints that mimic are welded at 0 unless named.
         one_hull: groups of welded bodies whose collision shapes become one convex hull on the first of them.
         ignored_pairs: bodies that may touch besides those that do in the nominal posture.
     """
 
-    distribution: str
-    folders: dict[str, str]
-    urdf: str
     frames: dict[str, FrameEntry] = {}
     fixed: dict[str, Number] = {}
     one_hull: list[list[str]] = []
     ignored_pairs: list[tuple[str, str]] = []
 
 
+class PackageEntry(ModelChanges):
+    """A model inside an installed Python distribution, which the adapter makes readable for Drake.
+
+    Attributes:
+        distribution: name on PyPI.
+        folders: name in package:// addresses -> folder below site-packages.
+        urdf: package:// address of the model.
+    """
+
+    distribution: str
+    folders: dict[str, str]
+    urdf: str
+
+
 class RobotEntry(_Strict):
-    """The whole file; `scenes.robots.robot.Robot` says what each key means."""
+    """The whole file; `scenes.robots.robot.Robot` says what each key means.
+
+    Palms may be missing, and with both of them `shoulder`, `arm_reach` and `max_palm_translation`. An effector's frame is a
+    link of the model or one of `changes.frames`.
+    """
 
     format: Literal["drakeplan-robot"]
     version: Literal[1]
     name: str
     model: str | None = None
+    changes: ModelChanges | None = None
     package: PackageEntry | None = None
     base_body: str
     torso_body: str
-    effectors: Annotated[dict[str, EffectorEntry], AfterValidator(_four_effectors)]
+    effectors: Annotated[dict[str, EffectorEntry], AfterValidator(_known_effectors)]
     nominal: dict[str, Number]
-    shoulder: Point
+    shoulder: Point | None = None
     hip: Point
-    arm_reach: Range
+    arm_reach: Range | None = None
     leg_reach: Range
     com_height: Heights
     torso_box: TorsoBoxEntry
     max_foot_translation: Positive
-    max_palm_translation: Positive
+    max_palm_translation: Positive | None = None
     max_step_height: Positive
     foot_separation: Range
 
     @model_validator(mode="after")
     def _one_source(self) -> RobotEntry:
         if (self.model is None) == (self.package is None):
-            raise ValueError("expected either model (a URDF beside this file) or package")
+            raise ValueError("expected either model (a URDF, SDF or MJCF file) or package")
+        if self.package is not None and self.changes is not None:
+            raise ValueError("changes: expected them inside package")
         return self
+
+    @model_validator(mode="after")
+    def _arms_of_palms(self) -> RobotEntry:
+        if self.has_palms:
+            for key in PALM_KEYS:
+                if getattr(self, key) is None:
+                    raise ValueError(f"{key}: expected it for a robot with palms")
+        return self
+
+    @property
+    def has_palms(self) -> bool:
+        """Whether at least one palm is described."""
+        return any(name in self.effectors for name in EFFECTORS[2:])
 
 
 def read_robot_file(path: Path) -> RobotEntry:
