@@ -21,6 +21,7 @@ from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.robots.nominal_stance import check_nominal_stance
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.transition_model import transition_model
@@ -43,11 +44,12 @@ def plan_scene(
         progress: called with events while it runs.
 
     Raises:
-        InputError: bad options, a start or goal off the terrain.
+        InputError: bad options, a robot that does not stand as it is described, a start or goal off the terrain.
     """
     options = options or PlanOptions()
     tell = progress or (lambda event: None)
     check_options(options)
+    check_nominal_stance(robot)
     scene = with_options(scene, options)
     record = QueryRecord()
     if options.cone == FrictionCone.DIAMOND:

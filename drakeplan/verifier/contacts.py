@@ -38,7 +38,9 @@ def check_contacts(sheet: Sheet, plan: PlanFile, scene: Scene) -> None:
     off = np.maximum(orthonormal, np.abs(X_WC[:, 3] - [0, 0, 0, 1]).max(axis=1))
     off = np.maximum(off, np.abs(np.linalg.det(X_WC[:, :3, :3]) - 1))
     sheet.add("contact pose", off, 1e-6, "", lambda i: plan.held(i[0]))
-    sheet.add("patch size", 1e-3 - half, 0, "m", lambda i: EFFECTORS[i[0]])
+    used = np.isin(np.arange(len(EFFECTORS)), plan["contacts/effector"])
+    has = used | half.any(axis=1)  # a robot without palms has patches of size 0 there, which nothing may use
+    sheet.add("patch size", np.where(has[:, None], 1e-3 - half, 0.0), 0, "m", lambda i: EFFECTORS[i[0]])
     known = surface < len(scene.plates)
     if not sheet.add("contact surface exists", ~known, 0, "", lambda i: plan.held(i[0])):
         return

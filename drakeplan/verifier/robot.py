@@ -119,7 +119,11 @@ def check_patches_on_robot(sheet: Sheet, plan: PlanFile, robot: RobotModel) -> N
     """
     query = robot.scene_graph.get_query_output_port().Eval(robot.scene_context)
     distances = np.full((4, 4), np.nan)
+    used = set(plan["contacts/effector"].tolist())
     for e, frame in enumerate(robot.frames):
+        if e not in used and not plan["effectors_half_extent"][e].any():  # a palm that the robot does not have
+            distances[e] = 0.0
+            continue
         welded = robot.plant.GetBodiesWeldedTo(frame.body())
         own = {g for body in welded for g in robot.plant.GetCollisionGeometriesForBody(body)}
         X_WE = frame.CalcPoseInWorld(robot.plant_context).GetAsMatrix4()
