@@ -70,7 +70,12 @@ def plan_scene(
     tell(ProgressEvent("search", elapsed=0.0))
     result = _attempt(context, options, dynamics, record, tell)
     hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
-    if _may_fall_back(context, options, dynamics) and result.status != "complete" and record.expansions and not hopeless:
+    if (
+        _may_fall_back(context, options, dynamics)
+        and result.status != "complete"
+        and record.expansions
+        and not hopeless
+    ):
         record.notes.append(
             f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
         )

@@ -259,9 +259,7 @@ def complete(
     """
     m = basic.shape[0]
     v, M = np.empty((5, m)), np.empty((3, m, m))
-    basis = Basis(
-        basic, M[0], M[1], np.empty((2, m)), b, v[0], v[1], v[2], v[3], v[4], M[2], np.empty(WRENCH + m - 4)
-    )
+    basis = Basis(basic, M[0], M[1], np.empty((2, m)), b, v[0], v[1], v[2], v[3], v[4], M[2], np.empty(WRENCH + m - 4))
     if not _load(contacts, generators, basis) or basis.x.min() < NEGATIVE:
         basic[:] = first
         if not _load(contacts, generators, basis) or basis.x.min() < NEGATIVE:

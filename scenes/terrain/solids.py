@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
