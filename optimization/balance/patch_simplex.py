@@ -33,7 +33,7 @@ from numba import njit
 
 ENTERS = 1e-10  # a reduced cost above this lets a column enter [m or 1]
 PIVOT = 1e-9  # smallest pivot
-SHIFT = 1e-11  # of the right-hand side [M g]
+SHIFT = 1e-13  # of the right-hand side [M g]
 FEASIBLE = 1e-9  # force and moment that may be left unbalanced [M g, M g m]
 NEAR_TIE = 1e-11  # two columns whose edges turn less than this apart [rad]
 MAX_PIVOTS = 500  # a phase takes 5 to 15
