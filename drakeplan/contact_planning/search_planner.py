@@ -24,6 +24,7 @@ from drakeplan.search.ana_star import AnaStar, Domain, Limits
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.window_dynamics import WindowDynamics
+from scenes.footholds.goal_footholds import nobody_fits
 from scenes.footholds.start_stance import standing_com
 from scenes.stance import Stance
 
@@ -148,11 +149,14 @@ class SearchPlanner:
             yield from self._run(replace(limits, deadline=left), clock, search.expansions)
 
     def goal_unreachable(self) -> str:
-        """Why no chain of steps leads to the goal, "" where that is not proved."""
+        """Why nobody can stand at the goal, or no chain of steps leads there; "" where neither is proved."""
         if self._unreachable is None:
-            context = self.context
-            self._unreachable = unreachable(
-                context.scene.terrain, context.robot, self.options.model, context.start, context.goal
+            context, model = self.context, self.options.model
+            terrain, robot, goal = context.scene.terrain, context.robot, context.goal
+            apart = float(np.hypot(*model.steps[:, :2].T).max())
+            nobody = nobody_fits(terrain, context.packed, robot, goal, apart)
+            self._unreachable = (
+                f"goal unreachable: {nobody}" if nobody else unreachable(terrain, robot, model, context.start, goal)
             )
         return self._unreachable
 

@@ -292,7 +292,7 @@ def _seed(packed: PackedTerrain, wave: _Wave, goal: np.ndarray, goal_radius: flo
         if _full(wave):
             return a
         found = False
-        for attempt in range(2):
+        for _attempt in range(2):
             level = own_levels(packed, ground, i, j)
             while level > 0:
                 if np.isnan(goal[2]) or abs(ground.z[level - 1] - goal[2]) <= GOAL_HEIGHT:

@@ -9,12 +9,14 @@ import numpy as np
 
 from scenes.effector import EFFECTORS
 from scenes.footholds.floors import Floor, by_preference, choice_note, floors_around, has_head_room, no_floor_near
-from scenes.footholds.projection import set_down
+from scenes.footholds.projection import FOOT_CLEARANCE, set_down
+from scenes.footholds.what_stands import patch_off_surface, what_stands
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain
+from scenes.terrain.solids import solid_at
 
 NUDGES = (
     0.0,
@@ -25,6 +27,7 @@ NUDGES = (
     0.1,
     -0.1,
 )  # [m] tried forward and sideways where the exact place takes no sole
+STANCE_OFF = 1e-3  # [m] how far a patch of a given stance may reach beyond its surface, as the verifier has it
 
 
 def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
@@ -41,6 +44,7 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
         stance = Stance(tuple(by_name.get(e) for e in EFFECTORS))
         if stance.contacts[0] is None or stance.contacts[1] is None:
             raise InputError(f"scene {scene.name}: start.stance: expected both left_foot and right_foot")
+        check_given_stance(scene, packed, robot, stance)
         return stance
     x, y, z = start.xyz
     floors = start_floors(scene, packed, robot)
@@ -49,22 +53,30 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
         raise no_floor_near(f"scene {scene.name}: start", floors, z)
     cramped: Stance | None = None
     for floor in wanted:
-        stance = _set_feet_down(packed, robot, (x, y, start.yaw), floor.window(z))
+        stance = feet_down(packed, robot, (x, y, start.yaw), floor.window(z))
         if stance is not None:
-            if not floor.head_room or has_head_room(packed, robot, *stance.feet_mean()):
-                return cramped or stance
+            if has_head_room(packed, robot, *stance.feet_mean()):
+                return stance
             cramped = cramped or stance
     if cramped is not None:
+        _refuse_inside(scene, packed, robot, cramped)
         return cramped
-    raise InputError(
-        f"scene {scene.name}: start: no ground takes both soles near x {x:g}, y {y:g}; {extent_text(scene)}"
-    )
+    standing = what_stands(scene.terrain, packed, ((x, y),), z)
+    why = f"{standing} stands there" if standing else extent_text(scene)
+    raise InputError(f"scene {scene.name}: start: no ground takes both soles near x {x:g}, y {y:g}: {why}")
 
 
-def _set_feet_down(
+def feet_down(
     packed: PackedTerrain, robot: Robot, place: tuple[float, float, float], z_range: tuple[float, float]
 ) -> Stance | None:
-    """Both feet around a place (x, y, yaw) on ground in a range of heights; None where the soles do not fit."""
+    """Both feet around a place on ground in a range of heights; None where the soles do not fit.
+
+    Args:
+        packed: the terrain.
+        robot: whose feet.
+        place: mean of the feet x, y [m] and heading [rad] in W.
+        z_range: least and greatest height of the footholds in W [m].
+    """
     x, y, yaw = place
     half_width = 0.5 * robot.foot_separation[1]
     c, s = np.cos(yaw), np.sin(yaw)
@@ -82,6 +94,39 @@ def _set_feet_down(
         if len(feet) == 2 and abs(feet[0].p_WC[2] - feet[1].p_WC[2]) <= robot.max_step_height:
             return Stance((feet[0], feet[1], None, None))
     return None
+
+
+def _refuse_inside(scene: Scene, packed: PackedTerrain, robot: Robot, stance: Stance) -> None:
+    """Raises where the middle of the torso would be inside a box or a closed mesh."""
+    x, y, z = stance.feet_mean()
+    inside = solid_at(scene.terrain, packed, x, y, z + float(robot.torso_box_centre[2]))
+    if inside:
+        raise InputError(f"scene {scene.name}: start: the robot would stand inside {inside} at x {x:.2f}, y {y:.2f}")
+
+
+def check_given_stance(scene: Scene, packed: PackedTerrain, robot: Robot, stance: Stance) -> None:
+    """Checks that the contacts of a given start lie on their surfaces, and that the robot is inside nothing.
+
+    Args:
+        scene: with the terrain.
+        packed: the same terrain.
+        robot: whose soles and palms they are.
+        stance: as given.
+
+    Raises:
+        InputError: a patch reaches beyond its surface and those that continue it, or is inside a solid.
+    """
+    for contact in stance.held:
+        where = f"scene {scene.name}: start.stance.{contact.effector}"
+        patch = robot.effectors[EFFECTORS.index(contact.effector)].half_extent
+        off = patch_off_surface(scene.terrain, contact, patch)
+        if off > STANCE_OFF:
+            name = scene.terrain.surfaces[contact.surface].name
+            raise InputError(f"{where}: expected a patch on {name!r}, this one reaches {off:.3f} m beyond it")
+        inside = solid_at(scene.terrain, packed, *(contact.p_WC + 0.5 * FOOT_CLEARANCE * contact.R_WC[:, 2]))
+        if inside:
+            raise InputError(f"{where}: the contact is inside {inside}")
+    _refuse_inside(scene, packed, robot, stance)
 
 
 def start_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Floor, ...]:
@@ -127,9 +172,13 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float
         return dataclasses.replace(goal, xyz=(*goal.xyz[:2], wanted[0].z))
     if floors:
         raise no_floor_near(f"scene {scene.name}: goal", floors, goal.xyz[2])
+    x, y, z = goal.xyz
+    standing = what_stands(scene.terrain, packed, _rings(x, y, goal.radius), z if np.isfinite(z) else start_z)
+    if standing:
+        raise InputError(f"scene {scene.name}: goal: no foothold within the radius: {standing} stands there")
     raise InputError(
         f"scene {scene.name}: goal: no ground takes a sole within {_goal_reach(goal, robot):.2f} m of "
-        f"x {goal.xyz[0]:g}, y {goal.xyz[1]:g}; {extent_text(scene)}"
+        f"x {x:g}, y {y:g}; {extent_text(scene)}"
     )
 
 
