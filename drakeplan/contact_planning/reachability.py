@@ -1,24 +1,33 @@
-"""A proof that a goal cannot be reached: no chain of steps leads there, whatever the robot does with its body.
+"""Proofs that a goal cannot be reached: no chain of steps leads there, or solids are between, whatever the body does.
 
 A step sets a foot down within the transition model's reach of the foot that stands, and no higher or lower than the
 robot's greatest step. So feet stay on the surfaces that such steps connect, each taken as a whole, whether a sole fits or not.
+
+The pelvis stays within a leg's length of the feet. Where solids fill all heights that it can have, it cannot be; and since
+it is wider than the diagonal of a cell, it passes only where neighbouring cells let their centres pass.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
+from scipy.ndimage import label as label_regions
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from scenes.robots.robot import Robot
 from scenes.scene import GOAL_HEIGHT, Goal
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import PackedTerrain
+from scenes.terrain.solids import solid_at, solid_columns
 from scenes.terrain.terrain import Terrain
 from scenes.transition_model import TransitionModel
 
 MOST_SURFACES = 20_000  # more take seconds: then nothing is proved
 SLACK = 1e-3  # [m] rounding
+CELL = 0.1  # [m] the pelvis is wider than the diagonal of such a cell
+LOWEST_PELVIS = 0.2  # [m] over the lowest ground
+MOST_CELLS = 500_000  # more take seconds
 
 
 def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal) -> str:
@@ -35,8 +44,7 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
     if len(feet) > MOST_SURFACES:
         return ""
     reach, rise = float(np.hypot(*model.steps[:, :2].T).max()), robot.max_step_height
-    plans = np.array([shapely.convex_hull(shapely.multipoints(terrain.surfaces[k].vertices[:, :2])) for k in feet])
-    heights = np.array([[np.min(z), np.max(z)] for z in (terrain.surfaces[k].vertices[:, 2] for k in feet)])
+    plans, heights = _plans(terrain, feet)
     reached = _connected(plans, heights, reach, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
     at_goal = _at_goal(plans, heights, goal, reach, rise)
     if (reached & at_goal).any():
@@ -50,6 +58,58 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
         f"goal unreachable: from {name[feet[a]].name!r} to {name[feet[b]].name!r} it is {gap:.2f} m across and "
         f"{climb:.2f} m up or down; a step of this transition model reaches {reach:.2f} m across and {rise:.2f} m up or down"
     )
+
+
+def walled_off(
+    terrain: Terrain, packed: PackedTerrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal
+) -> str:
+    """Why solids keep the pelvis from the goal, "" where that is not proved.
+
+    Args:
+        terrain: its surfaces and obstacles.
+        packed: the same, packed.
+        robot: gives the length of the legs.
+        model: gives the reach of a step.
+        start: the first stance.
+        goal: region and floor.
+    """
+    feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
+    if len(feet) > MOST_SURFACES or not terrain.obstacles:
+        return ""
+    leg = robot.leg_reach[1]
+    plans, heights = _plans(terrain, feet)
+    reach = float(np.hypot(*model.steps[:, :2].T).max())
+    on = [feet.index(c.surface) for c in start.contacts[:2] if c]
+    reached = np.flatnonzero(_connected(plans, heights, reach, robot.max_step_height, on))
+    bounds = shapely.bounds(plans[reached]) + np.array([-leg, -leg, leg, leg])
+    origin, extent = bounds[:, :2].min(axis=0), np.ptp(np.vstack([bounds[:, :2], bounds[:, 2:]]), axis=0)
+    nx, ny = np.ceil(extent / CELL).astype(int).tolist()
+    if nx * ny > MOST_CELLS:
+        return ""
+    x, y = origin[0] + CELL * (np.arange(nx) + 0.5), origin[1] + CELL * (np.arange(ny) + 0.5)
+    free = np.zeros((nx, ny), bool)
+    for x0, y0, x1, y1 in bounds:
+        free[np.ix_((x >= x0 - CELL) & (x <= x1 + CELL), (y >= y0 - CELL) & (y <= y1 + CELL))] = True
+    low, high = heights[reached, 0].min() + LOWEST_PELVIS, heights[reached, 1].max() + leg + abs(robot.hip[1])
+    columns = np.argwhere(free)
+    free[tuple(columns.T)] = ~solid_columns(packed, x[columns[:, 0]], y[columns[:, 1]], float(low), float(high))
+    regions, _ = label_regions(free, structure=np.ones((3, 3)))
+    here, there = start.feet_mean()[:2], np.array(goal.xyz[:2])
+    away = np.hypot(x[:, None] - there[0], y[None, :] - there[1]) <= goal.radius + leg
+    home = np.hypot(x[:, None] - here[0], y[None, :] - here[1]) <= leg
+    if np.intersect1d(regions[home & free], regions[away & free]).size:
+        return ""
+    line = here + np.linspace(0.0, 1.0, 200)[:, None] * (there - here)
+    names = [solid_at(terrain, packed, *p, 0.5 * (low + high)) for p in line]
+    between = next((name for name in names if name), "solids")
+    return f"goal unreachable: {between} is between it and the start, and leaves no way for the pelvis"
+
+
+def _plans(terrain: Terrain, feet: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) outlines of surfaces in the plan view and (n, 2) their least and greatest heights [m]."""
+    vertices = [terrain.surfaces[k].vertices for k in feet]
+    plans = np.array([shapely.convex_hull(shapely.multipoints(v[:, :2])) for v in vertices])
+    return plans, np.array([[v[:, 2].min(), v[:, 2].max()] for v in vertices])
 
 
 def _connected(

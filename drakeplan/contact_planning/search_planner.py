@@ -16,7 +16,7 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.dynamic_domain import DynamicDomain
 from drakeplan.contact_planning.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.contact_planning.planner import ContactPlanner
-from drakeplan.contact_planning.reachability import unreachable
+from drakeplan.contact_planning.reachability import unreachable, walled_off
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.contact_planning.window_domain import HEURISTIC_WEIGHT, WINDOW, WindowDomain
 from drakeplan.context import QueryContext
@@ -149,15 +149,16 @@ class SearchPlanner:
             yield from self._run(replace(limits, deadline=left), clock, search.expansions)
 
     def goal_unreachable(self) -> str:
-        """Why nobody can stand at the goal, or no chain of steps leads there; "" where neither is proved."""
+        """Why nobody can stand at the goal, no steps lead there or solids are in between; "" where none is proved."""
         if self._unreachable is None:
             context, model = self.context, self.options.model
             terrain, robot, goal = context.scene.terrain, context.robot, context.goal
             apart = float(np.hypot(*model.steps[:, :2].T).max())
             nobody = nobody_fits(terrain, context.packed, robot, goal, apart)
-            self._unreachable = (
-                f"goal unreachable: {nobody}" if nobody else unreachable(terrain, robot, model, context.start, goal)
-            )
+            self._unreachable = f"goal unreachable: {nobody}" if nobody else ""
+            self._unreachable = self._unreachable or unreachable(terrain, robot, model, context.start, goal)
+            if not self._unreachable and not np.isfinite(self._start_distance()):
+                self._unreachable = walled_off(terrain, context.packed, robot, model, context.start, goal)
         return self._unreachable
 
     def _run(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:

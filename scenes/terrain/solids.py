@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
 from scenes.terrain.terrain import Terrain
 
+HEIGHTS_APART = 0.05  # [m] less than any trunk is high
 EVERY = -1  # asks about all obstacles together
 
 
@@ -64,6 +66,28 @@ def in_solid(packed: PackedTerrain, x: float, y: float, z: float) -> bool:
         z: of the point in W [m].
     """
     return winding(packed, x, y, z, EVERY) > 0
+
+
+@njit(cache=True)
+def solid_columns(packed: PackedTerrain, x: np.ndarray, y: np.ndarray, low: float, high: float) -> np.ndarray:
+    """(n,) bool, whether all of a vertical segment is inside solids, looked at every `HEIGHTS_APART`.
+
+    Args:
+        packed: the terrain.
+        x: (n,) of the segments in W [m].
+        y: (n,) of the segments in W [m].
+        low: lowest height in W [m].
+        high: greatest height in W [m].
+    """
+    solid = np.zeros(x.shape[0], np.bool_)
+    steps = int(np.ceil((high - low) / HEIGHTS_APART)) + 1
+    for k in range(x.shape[0]):
+        solid[k] = True
+        for m in range(steps):
+            if not in_solid(packed, x[k], y[k], low + (high - low) * m / max(steps - 1, 1)):
+                solid[k] = False
+                break
+    return solid
 
 
 def solid_at(terrain: Terrain, packed: PackedTerrain, x: float, y: float, z: float) -> str:
