@@ -25,7 +25,7 @@ from scenes.transition_model import TransitionModel
 
 MOST_SURFACES = 20_000  # more take seconds: then nothing is proved
 SLACK = 1e-3  # [m] rounding
-CELL = 0.1  # [m] the pelvis is wider than the diagonal of such a cell
+CELL = 0.1  # [m] edge of a cell at most; where the hips are closer than this to the middle, that
 LOWEST_PELVIS = 0.2  # [m] over the lowest ground
 MOST_CELLS = 500_000  # more take seconds
 
@@ -76,20 +76,20 @@ def walled_off(
     feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
     if len(feet) > MOST_SURFACES or not terrain.obstacles:
         return ""
-    leg = robot.leg_reach[1]
+    leg, cell = robot.leg_reach[1], min(CELL, float(abs(robot.hip[1])))
     plans, heights = _plans(terrain, feet)
     reach = float(np.hypot(*model.steps[:, :2].T).max())
     on = [feet.index(c.surface) for c in start.contacts[:2] if c]
     reached = np.flatnonzero(_connected(plans, heights, reach, robot.max_step_height, on))
     bounds = shapely.bounds(plans[reached]) + np.array([-leg, -leg, leg, leg])
     origin, extent = bounds[:, :2].min(axis=0), np.ptp(np.vstack([bounds[:, :2], bounds[:, 2:]]), axis=0)
-    nx, ny = np.ceil(extent / CELL).astype(int).tolist()
+    nx, ny = np.ceil(extent / cell).astype(int).tolist()
     if nx * ny > MOST_CELLS:
         return ""
-    x, y = origin[0] + CELL * (np.arange(nx) + 0.5), origin[1] + CELL * (np.arange(ny) + 0.5)
+    x, y = origin[0] + cell * (np.arange(nx) + 0.5), origin[1] + cell * (np.arange(ny) + 0.5)
     free = np.zeros((nx, ny), bool)
     for x0, y0, x1, y1 in bounds:
-        free[np.ix_((x >= x0 - CELL) & (x <= x1 + CELL), (y >= y0 - CELL) & (y <= y1 + CELL))] = True
+        free[np.ix_((x >= x0 - cell) & (x <= x1 + cell), (y >= y0 - cell) & (y <= y1 + cell))] = True
     low, high = heights[reached, 0].min() + LOWEST_PELVIS, heights[reached, 1].max() + leg + abs(robot.hip[1])
     columns = np.argwhere(free)
     free[tuple(columns.T)] = ~solid_columns(packed, x[columns[:, 0]], y[columns[:, 1]], float(low), float(high))

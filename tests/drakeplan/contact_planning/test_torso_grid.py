@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 
 import numpy as np
 import pytest
@@ -107,3 +108,113 @@ def test_every_settled_cell_agrees_with_a_plain_dijkstra() -> None:
                 heapq.heappush(heap, (d + c, u, v, w))
     np.testing.assert_allclose(cost[settled], plain[settled], atol=1e-9)
     assert settled.sum() > 500
+
+
+# Floors above each other -----------------------------------------------------------------------------------------
+
+
+def test_under_a_bridge_the_distance_is_that_of_the_floor_alone() -> None:
+    ground, bridge = floor("ground", -1, 3, -1, 1), floor("bridge", 0.5, 1.5, -1, 1, z=2.3)
+    covered, open_sky = grid_on(Terrain((ground, bridge))), grid_on(Terrain((ground,)))
+    for x in np.linspace(-0.8, 2.8, 13):
+        assert ask(covered, x, 0.2) == ask(open_sky, x, 0.2)
+
+
+@pytest.mark.parametrize("height", [1.5, 1.64, 1.7, 2.0, 5.0])
+def test_a_ceiling_lower_than_the_torso_leaves_no_way_under_it(height: float) -> None:
+    ground, ceiling = floor("ground", -1, 3, -1, 1), floor("ceiling", 0.5, 1.5, -3, 3, z=height)
+    top = 1.65  # of escher's torso box
+    assert np.isfinite(ask(grid_on(Terrain((ground, ceiling))), 0.0, 0.0)) == (height > top)
+
+
+def test_the_goal_counts_on_its_own_floor_alone() -> None:
+    storeys = Terrain((floor("low", -1, 3, -1, 1), floor("high", -1, 3, -1, 1, z=2.4)))
+    below, above = grid_on(storeys, goal=(2.0, 0.0, 0.0)), grid_on(storeys, goal=(2.0, 0.0, 2.4))
+    assert ask(below, 0.0, 0.0, z=0.0) == ask(above, 0.0, 0.0, z=2.4) == pytest.approx(1.9, abs=0.15)
+    assert ask(below, 0.0, 0.0, z=2.4) == ask(above, 0.0, 0.0, z=0.0) == np.inf
+
+
+def flight(count: int, rise: float, x0: float, run: float, y: tuple[float, float], z0: float) -> list[Surface]:
+    """Treads that rise along x (or against it where `run` is negative)."""
+    edges = x0 + run * np.arange(count + 1)
+    return [
+        floor(f"{y}{z0}{k}", min(a, b), max(a, b), *y, z=z0 + rise * (k + 1))
+        for k, (a, b) in enumerate(itertools.pairwise(edges))
+    ]
+
+
+def two_storeys(rise: float = 0.17) -> Terrain:
+    """A hall and a storey above it, joined by two flights of seven steps with a landing between."""
+    up, back = flight(7, rise, 1.3, 0.28, (-1.6, -0.1), 0.0), flight(7, rise, 3.26, -0.28, (0.1, 1.6), 7 * rise)
+    landing = floor("landing", 3.26, 4.6, -1.6, 1.6, z=7 * rise)
+    hall, upper = floor("hall", -1.2, 1.3, -1.6, 1.6), floor("upper", -1.2, 1.3, 0.1, 1.6, z=14 * rise)
+    return Terrain((hall, *up, landing, *back, upper))
+
+
+def test_two_flights_of_stairs_lead_to_the_storey_above_the_start() -> None:
+    grid = grid_on(two_storeys(), goal=(0.0, 0.8, 14 * 0.17))
+    there_and_back = 2 * (3.26 - 0.0)
+    assert ask(grid, 0.0, 0.8, z=0.0) > there_and_back
+    assert ask(grid, 0.0, 0.8, z=14 * 0.17) == 0.0
+    assert np.isfinite(ask(grid, 0.0, 0.8, z=0.0))
+
+
+def test_stairs_whose_steps_are_too_high_join_nothing() -> None:
+    assert ask(grid_on(two_storeys(rise=0.36), goal=(0.0, 0.8, 14 * 0.36)), 0.0, 0.8, z=0.0) == np.inf
+
+
+def test_a_spiral_is_climbed_all_the_way_round() -> None:
+    """Sectors about an axis, two turns of 2.4 m each: where one passes over another there is head room."""
+    per_turn, treads = 16, []
+    for k in range(2 * per_turn):
+        a, b = 2 * np.pi * k / per_turn, 2 * np.pi * (k + 1) / per_turn
+        corners = [[r * np.cos(t), r * np.sin(t), 0.15 * k] for r, t in ((0.6, a), (1.8, a), (1.8, b), (0.6, b))]
+        treads.append(Surface(f"tread {k}", np.array(corners)))
+    middle = np.array([1.2 * np.cos(np.pi / per_turn), 1.2 * np.sin(np.pi / per_turn)])
+    grid = grid_on(Terrain(tuple(treads)), goal=(*middle, 2.4))
+    once_round = 2 * np.pi * (0.6 - 0.4)  # the torso leans over the inner edge by the support radius at most
+    assert ask(grid, *middle, z=2.4) == pytest.approx(0.0, abs=CELL)
+    assert once_round < ask(grid, *middle, z=0.0) < 2 * np.pi * 1.8
+    assert once_round < ask(grid, *middle, yaw=0.5 * np.pi, z=4.65) < 2 * np.pi * 1.8
+
+
+def test_slabs_too_close_to_stand_between_are_one_floor_at_the_top() -> None:
+    slabs = [floor(f"slab {k}", -1, 3, -1, 1, z=0.3 * k) for k in range(4)]
+    stacked, top = (
+        grid_on(Terrain(tuple(slabs)), goal=(2.0, 0.0, 0.9)),
+        grid_on(Terrain((slabs[3],)), goal=(2.0, 0.0, 0.9)),
+    )
+    assert ask(stacked, 0.0, 0.0, z=0.9) == ask(top, 0.0, 0.0, z=0.9)
+    _, heights, _ = stacked.settled_nodes()
+    assert np.all(heights == slabs[3].vertices[0, 2])
+
+
+@pytest.mark.parametrize("below", [None, -3.0, -1.0])
+def test_a_gap_is_as_wide_with_a_floor_under_it_as_with_none(below: float | None) -> None:
+    banks = [floor("near", -1, 1, -1, 1), floor("far", 1.5, 3, -1, 1)]
+    ground = [] if below is None else [floor("ground", -1, 3, -1, 1, z=below)]
+    open_gap, other = grid_on(Terrain(tuple(banks))), grid_on(Terrain((*banks, *ground)))
+    assert ask(other, 0.0, 0.3) == ask(open_gap, 0.0, 0.3) == pytest.approx(1.93, abs=0.2)
+
+
+def test_inside_a_solid_there_is_no_way_however_large_it_is() -> None:
+    X_WO = np.eye(4)
+    block = Box("block", np.array([60.0, 60.0, 60.0]), X_WO)
+    grid = grid_on(Terrain((floor("f", -1, 3, -1, 1),), (block,)))
+    assert grid.num_goal_cells == 0
+    assert ask(grid, 0.0, 0.0) == np.inf
+
+
+def test_memory_goes_with_the_way_and_not_with_the_floor() -> None:
+    small, large = (grid_on(Terrain((floor("f", -h, h, -h, h),))) for h in (10.0, 200.0))
+    assert ask(small, 0.0, 0.0) == pytest.approx(ask(large, 0.0, 0.0), abs=1e-9)
+    levels = [len(np.unique(g.settled_nodes()[0][:, :2], axis=0)) for g in (small, large)]
+    assert levels[0] == levels[1] < 3000
+
+
+def test_room_for_levels_is_made_as_they_come() -> None:
+    storeys = Terrain(tuple(floor(f"f{k}", -6, 6, -6, 6, z=2.4 * k) for k in range(8)))
+    one = grid_on(Terrain((floor("f", -6, 6, -6, 6, z=4.8),)), goal=(2.0, 0.0, 4.8))
+    grid = grid_on(storeys, goal=(2.0, 0.0, 4.8))
+    for x, y in ((-5.0, 5.0), (5.0, -5.0)):
+        assert ask(grid, x, y, z=4.8) == ask(one, x, y, z=4.8)

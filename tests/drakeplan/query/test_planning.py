@@ -92,19 +92,51 @@ def test_the_steep_slope_has_a_quasi_static_crossing_only_under_a_cone_that_exce
         assert planner.domain.rejections["friction"] > 0
 
 
-def test_a_goal_on_an_island_is_unreachable_on_the_grid() -> None:
+def test_a_goal_on_an_island_is_proved_unreachable() -> None:
     result = plan(on(Terrain((floor("here", (-1, 1)), floor("island", (3, 5)))), (4.0, 0.0, 0.0)))
     assert result.status == "none"
     assert "goal unreachable" in result.reason
 
 
-def test_a_wall_across_the_way_is_unreachable_on_the_grid() -> None:
+def test_a_solid_wall_across_the_way_is_proved_to_be_one() -> None:
     X_WO = np.eye(4)
     X_WO[:3, 3] = [1.0, 0.0, 1.0]
     wall = Box("wall", np.array([0.2, 9.0, 2.0]), X_WO)
     result = plan(on(Terrain((floor("floor", (-1, 4)),), (wall,))))
     assert result.status == "none"
-    assert "goal unreachable" in result.reason
+    assert "goal unreachable: box 'wall' is between" in result.reason
+
+
+def test_a_wall_of_one_plate_proves_nothing_and_the_search_says_so() -> None:
+    corners = [[1.0, -4.0, 0.0], [1.0, -4.0, 2.0], [1.0, 4.0, 2.0], [1.0, 4.0, 0.0]]
+    sheet = Surface("sheet", np.array(corners), effectors=frozenset())
+    result = plan(on(Terrain((floor("floor", (-1, 3)), sheet))), expansions=30, dynamics="quasi-static")
+    assert result.status == "none"
+    assert "unreachable" not in result.reason
+    assert "after 30 expansions; the grid knows no way" in result.reason
+
+
+@pytest.mark.slow
+def test_a_room_is_crossed_on_its_floor_and_not_on_its_roof() -> None:
+    roof = Surface("roof", floor("", (-1, 2)).vertices + np.array([0.0, 0.0, 2.4]))
+    result = plan(Scene("room", Terrain((floor("floor", (-1, 2)), roof))), start=(0.0, 0.0), goal=(0.5, 0.0))
+    assert result.status == "complete", result.reason
+    assert np.all(result.plan.contacts.X_WC[:, 2, 3] == 0.0)
+    assert len(result.notes) == 2 and all("0.00 and 2.40 m: took 0.00" in note for note in result.notes)
+
+
+@pytest.mark.slow
+def test_a_goal_up_a_few_steps_is_reached_at_its_height() -> None:
+    treads = [
+        Surface(f"tread {k}", floor("", (0.1 + 0.3 * k, 0.4 + 0.3 * k)).vertices + np.array([0, 0, 0.2 * k]))
+        for k in (1, 2)
+    ]
+    top = Surface("top", floor("", (1.0, 2.2)).vertices + np.array([0.0, 0.0, 0.6]))
+    scene = on(Terrain((floor("floor", (-1.0, 0.4)), *treads, top)), (1.5, 0.0, 0.6))
+    result = plan(scene)
+    assert result.status == "complete", result.reason
+    last = result.plan.stances[-1, :2]
+    assert np.all(result.plan.contacts.X_WC[last, 2, 3] == 0.6)
 
 
 def test_a_start_on_ice_that_tilts_is_infeasible_and_says_why() -> None:

@@ -1,0 +1,107 @@
+"""Proofs that a goal cannot be reached: right where they are given, silent where a way might exist."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drakeplan.contact_planning.reachability import unreachable, walled_off
+from scenes.footholds.start_stance import check_goal, start_stance
+from scenes.pose import pose_matrix
+from scenes.robots.robot import load_robot
+from scenes.scene import Goal, Scene, Start
+from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
+from scenes.transition_model import transition_model
+
+ROBOT = load_robot("escher")
+MODEL = transition_model("experiments")
+REACH = float(np.hypot(*MODEL.steps[:, :2].T).max())
+
+
+def slab(name: str, x: tuple[float, float], z: float = 0.0, y: tuple[float, float] = (-1, 1)) -> Surface:
+    return Surface(name, np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]], float))
+
+
+def box(name: str, size: tuple[float, float, float], xyz: tuple[float, float, float]) -> Box:
+    return Box(name, np.array(size), pose_matrix(xyz, (0.0, 0.0, 0.0)))
+
+
+def proofs(terrain: Terrain, goal: tuple[float, float, float]) -> tuple[str, str]:
+    scene, packed = Scene("s", terrain, Start((0.0, 0.0, 0.0)), Goal(goal)), pack_terrain(terrain)
+    start = start_stance(scene, packed, ROBOT)
+    taken = check_goal(scene, packed, ROBOT, 0.0)
+    return unreachable(terrain, ROBOT, MODEL, start, taken), walled_off(terrain, packed, ROBOT, MODEL, start, taken)
+
+
+@pytest.mark.parametrize("gap", [0.1, REACH - 0.01, REACH + 0.01, 0.75, 2.0])
+def test_a_gap_is_a_proof_only_if_it_is_wider_than_a_step(gap: float) -> None:
+    why, _ = proofs(Terrain((slab("near", (-1, 1)), slab("far", (1 + gap, 4 + gap)))), (2.5 + gap, 0, 0))
+    assert bool(why) == (gap > REACH)
+    if why:
+        assert f"from 'near' to 'far' it is {gap:.2f} m across and 0.00 m up or down" in why
+        assert f"reaches {REACH:.2f} m across" in why
+
+
+@pytest.mark.parametrize("rise", [0.2, 0.34, 0.36, 1.0, -0.34, -0.36, -2.0])
+def test_a_ledge_is_a_proof_only_if_it_is_higher_than_a_step(rise: float) -> None:
+    why, _ = proofs(Terrain((slab("low", (-1, 1)), slab("high", (1, 4), rise))), (2.5, 0, rise))
+    assert bool(why) == (abs(rise) > ROBOT.max_step_height)
+    if why:
+        assert f"it is 0.00 m across and {abs(rise):.2f} m up or down" in why
+
+
+def test_stepping_stones_join_what_is_too_far_apart() -> None:
+    banks = (slab("near", (-1, 1)), slab("far", (2, 4)))
+    stone = slab("stone", (1.4, 1.6), 0.2, (-0.1, 0.1))
+    assert proofs(Terrain(banks), (3, 0, 0))[0]
+    assert not proofs(Terrain((*banks, stone)), (3, 0, 0))[0]
+
+
+def test_a_bridge_without_stairs_is_out_of_reach_and_the_floor_under_it_is_not() -> None:
+    terrain = Terrain((slab("floor", (-1, 4)), slab("bridge", (1, 2.2), 2.3)))
+    assert "2.30 m up or down" in proofs(terrain, (1.6, 0, 2.3))[0]
+    assert proofs(terrain, (1.6, 0, 0.0)) == ("", "")
+
+
+def test_a_platform_for_palms_alone_joins_nothing() -> None:
+    rail = Surface("rail", slab("", (1.0, 2.0)).vertices, effectors=frozenset({"left_palm", "right_palm"}))
+    assert proofs(Terrain((slab("near", (-1, 1)), slab("far", (2, 4)), rail)), (3, 0, 0))[0]
+
+
+FLOOR = slab("floor", (-2, 6))
+
+
+@pytest.mark.parametrize(
+    ("wall", "closed"),
+    [
+        (((0.2, 9.0, 2.0), (2.0, 0.0, 1.0)), True),  # from side to side
+        (((0.2, 9.0, 2.0), (2.0, 4.5, 1.0)), False),  # one half of the floor is open
+        (((0.2, 9.0, 0.5), (2.0, 0.0, 0.25)), False),  # over it might be a way
+        (((0.2, 9.0, 2.0), (2.0, 0.0, 2.0)), False),  # under it might be a way: 1 m is open
+        (((0.2, 3.0, 2.0), (2.0, 0.0, 1.0)), False),  # round its ends over the floor's edge
+        (((0.02, 9.0, 2.0), (2.0, 0.0, 1.0)), False),  # thinner than a cell: nothing is proved
+    ],
+)
+def test_a_wall_is_a_proof_only_if_it_closes_all_that_the_pelvis_could_use(wall: tuple, closed: bool) -> None:
+    why = proofs(Terrain((FLOOR,), (box("wall", *wall),)), (4.5, 0, 0))
+    assert why[0] == ""
+    assert bool(why[1]) == closed
+    if closed:
+        assert why[1].startswith("goal unreachable: box 'wall' is between")
+
+
+@pytest.mark.parametrize("door", [0.0, 0.3, 0.6])
+def test_a_door_of_any_width_is_no_proof(door: float) -> None:
+    halves = [box(f"half {s}", (0.2, 6.0, 2.5), (2.0, s * (3.0 + door / 2), 1.25)) for s in (1, -1)]
+    assert bool(proofs(Terrain((FLOOR,), tuple(halves)), (4.5, 0, 0))[1]) == (door == 0.0)
+
+
+def test_a_goal_in_a_closed_cell_is_walled_off() -> None:
+    sides = [((3.0, 0.2, 2.5), (4.0, s * 1.4, 1.25)) for s in (1, -1)]
+    sides += [((0.2, 3.0, 2.5), (4.0 + s * 1.4, 0.0, 1.25)) for s in (1, -1)]
+    cell = [box(f"side {k}", *side) for k, side in enumerate(sides)]
+    wide = Terrain((slab("floor", (-2, 8), y=(-4, 4)),), tuple(cell))
+    assert "box 'side 3'" in proofs(wide, (4.0, 0, 0))[1]
+    assert proofs(Terrain(wide.surfaces, tuple(cell[1:])), (4.0, 0, 0))[1] == ""
