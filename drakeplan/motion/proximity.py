@@ -164,11 +164,12 @@ class ProximityMonitor:
     def _polygon_name(self, k: int) -> str:
         return self._polygon_names[k] if k < len(self._polygon_names) else f"polygon {k}"
 
-    def at_most_nominal(self, met: Encounters, wanted: np.ndarray) -> np.ndarray:
+    def at_most_nominal(self, met: Encounters, wanted: np.ndarray, closest: float = np.inf) -> np.ndarray:
         """(R,) distances wanted of these pairs, no greater than the nominal posture has between the robot's own bodies [m].
 
         Args:
             met: R pairs of geometries.
             wanted: (R,) distances [m].
+            closest: what is enough for bodies that are built to pass each other closely [m].
         """
-        return np.where(met.with_terrain, wanted, self._nominal.at_most(met.bodies, wanted))
+        return np.where(met.with_terrain, wanted, self._nominal.at_most(met.bodies, wanted, closest))

@@ -62,6 +62,7 @@ def separate_bodies(
     placed: np.ndarray,
     room: Room,
     reserve: float = RESERVE,
+    closest: float = np.inf,
 ) -> TrackedPostures:
     """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
 
@@ -74,6 +75,7 @@ def separate_bodies(
         room: distance that arms keep which are not placed; everything else keeps `APART`, bodies that are nearer than that
             in the nominal posture nearly what they have there.
         reserve: length that legs keep unused [m].
+        closest: what is enough for bodies that are built to pass each other closely [m].
     """
     num = len(answer.q)
     chains = {e: _chain(tree, e) for e in (2, 3)}
@@ -84,8 +86,10 @@ def separate_bodies(
         legs, left = _legs(tree, answer.q)
         arm = np.array([[arms.get(int(link), -1) for link in pair] for pair in met.link]).reshape(-1, 2)
         free = ((arm >= 0) & (placed[met.frame[:, None], np.maximum(arm, 0)] < 0)).any(axis=1)
-        apart = monitor.at_most_nominal(met, np.full(len(met), APART))
+        apart = monitor.at_most_nominal(met, np.full(len(met), APART), closest)
         wanted = np.where(free, room.wanted(met), apart)
+        if closest < np.inf:
+            wanted = monitor.at_most_nominal(met, wanted, closest)
         close = np.zeros(num, dtype=bool)
         close[met.frame[met.distance < wanted - TOLERATED]] = True
         close[legs.frame[left < reserve - TOLERATED]] = True
@@ -118,7 +122,9 @@ class Shortage:
     own: bool
 
 
-def shortages(monitor: ProximityMonitor, q: np.ndarray, frames: list[int], placed: np.ndarray) -> dict[int, Shortage]:
+def shortages(
+    monitor: ProximityMonitor, q: np.ndarray, frames: list[int], placed: np.ndarray, closest: float = np.inf
+) -> dict[int, Shortage]:
     """The two bodies that fall shortest of what they are asked to keep, by frame; frames without any are left out.
 
     Args:
@@ -126,10 +132,11 @@ def shortages(monitor: ProximityMonitor, q: np.ndarray, frames: list[int], place
         q: (n, nq) postures.
         frames: indices into q, ascending.
         placed: (n, E) contact numbers, not negative where an end effector stands on the terrain.
+        closest: what is enough for bodies that are built to pass each other closely [m].
     """
     met = monitor.near(q, frames, APART)
     met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
-    apart = monitor.at_most_nominal(met, np.full(len(met), APART))
+    apart = monitor.at_most_nominal(met, np.full(len(met), APART), closest)
     own = ~met.with_terrain
     found: dict[int, Shortage] = {}
     for k in np.argsort(met.distance - apart, kind="stable"):

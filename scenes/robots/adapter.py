@@ -246,6 +246,8 @@ class _Model:
                 joint.set("type", "revolute")
                 limit.set("lower", repr(-math.pi))
                 limit.set("upper", repr(math.pi))
+            for dynamics in joint.findall("dynamics"):
+                dynamics.attrib.pop("friction", None)  # Drake has none in joints, and says so at every load
             for key, value in (("lower", -WIDEST[kind]), ("upper", WIDEST[kind]), ("velocity", FASTEST[kind])):
                 if limit.get(key) is None:
                     limit.set(key, repr(value))

@@ -20,6 +20,7 @@ from scenes.robots.robot import Robot
 
 WITHIN = 0.08  # [m] pairs further apart than this are never asked for what they do not have
 SHARE = 0.9  # of its nominal distance that a pair may be asked to keep
+BY_DESIGN = 0.04  # [m] bodies nearer than this in the nominal posture are built to pass each other closely
 SLACK = 1e-3  # [m] less than their nominal distance that bodies which touch may be asked to keep
 
 
@@ -33,19 +34,27 @@ class NominalDistances:
 
     distance: dict[tuple[str, str], float]
 
-    def limit(self, bodies: tuple[str, str]) -> float:
-        """The greatest distance that two bodies of the robot may be asked to keep [m], infinite for most pairs."""
-        nominal = self.distance.get(ordered(bodies))
-        return np.inf if nominal is None else min(SHARE * nominal, nominal - SLACK)
+    def limit(self, bodies: tuple[str, str], closest: float = np.inf) -> float:
+        """The greatest distance that two bodies of the robot may be asked to keep [m], infinite for most pairs.
 
-    def at_most(self, pairs: Sequence[tuple[str, str]], asked: np.ndarray) -> np.ndarray:
+        Args:
+            bodies: their names.
+            closest: what is enough for bodies that are built to pass each other closely [m].
+        """
+        nominal = self.distance.get(ordered(bodies))
+        if nominal is None:
+            return np.inf
+        return min(SHARE * nominal, nominal - SLACK, closest if nominal < BY_DESIGN else np.inf)
+
+    def at_most(self, pairs: Sequence[tuple[str, str]], asked: np.ndarray, closest: float = np.inf) -> np.ndarray:
         """(R,) the distances asked of these pairs, none greater than its limit [m].
 
         Args:
             pairs: (R,) names of the two bodies.
             asked: (R,) distances [m].
+            closest: what is enough for bodies that are built to pass each other closely [m].
         """
-        limits = np.array([self.limit(bodies) for bodies in pairs], dtype=float)
+        limits = np.array([self.limit(bodies, closest) for bodies in pairs], dtype=float)
         return np.minimum(asked, limits) if len(limits) else asked
 
 
