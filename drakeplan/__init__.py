@@ -16,6 +16,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+import scenes  # noqa: F401  (chooses the folder of compiled kernels before numba is imported)
+
 if TYPE_CHECKING:
     from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
     from drakeplan.plan.plan import Plan

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,12 +45,14 @@ class DynamicsCampaign:
         friction: of every surface; 0.5 in Lin 2020 sec. 6.7.
         cone: friction cone of the program.
         walk: how each environment is walked through.
+        packages: names and folders of package:// addresses in the robot's model.
     """
 
     robot: str = "escher"
     friction: float = 0.5
     cone: FrictionCone = DEFAULT_CONE
     walk: WalkOptions = field(default_factory=WalkOptions)
+    packages: tuple[tuple[str, str], ...] = ()
 
     @property
     def name(self) -> str:
@@ -70,7 +73,7 @@ class DynamicsCampaign:
     @property
     def parameters(self) -> Mapping[str, Any]:
         """The robot with its model, the walk, and the whole problem that the program solves."""
-        robot = load_robot(self.robot)
+        robot = _robot(self.robot, self.packages)
         return {
             "robot": robot.name,
             "robot_model_sha256": robot.model_sha256,
@@ -87,13 +90,15 @@ class DynamicsCampaign:
             task: its number in the campaign.
         """
         rng = np.random.default_rng(seed)
-        robot = load_robot(self.robot)
+        robot = _robot(self.robot, self.packages)
         for _ in range(ENVIRONMENT_DRAWS):
             environment = draw_environment(rng, self.friction)
             # New for each walk: what a program answers may depend, in the last bits, on what it was asked before.
             dynamics = TransitionDynamics(robot, self._options(robot))
             try:
-                walk = LabelWalk(environment, robot, _inverse_kinematics(self.robot), dynamics, self.walk, rng)
+                walk = LabelWalk(
+                    environment, robot, _inverse_kinematics(self.robot, self.packages), dynamics, self.walk, rng
+                )
             except InputError:
                 continue
             return [label_row(label, walk, environment, task) for label in walk.labels()]
@@ -179,9 +184,13 @@ def counts_text(card: Card) -> str:
     return "\n".join(lines)
 
 
+def _robot(name: str, packages: tuple[tuple[str, str], ...]) -> Robot:
+    return load_robot(name, {package: Path(folder) for package, folder in packages})
+
+
 @lru_cache(maxsize=1)
-def _inverse_kinematics(robot: str) -> WholeBodyIK:
-    return WholeBodyIK(load_robot(robot))
+def _inverse_kinematics(robot: str, packages: tuple[tuple[str, str], ...]) -> WholeBodyIK:
+    return WholeBodyIK(_robot(robot, packages))
 
 
 def _plain(value: Any) -> Any:

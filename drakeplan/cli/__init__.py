@@ -16,7 +16,7 @@ from scenes.input_error import InputError, unknown_name
 
 BAD_INPUT, DEFECT, ABORTED = 2, 70, 130
 
-# name -> what it does; the module drakeplan.cli.<name> has Arguments, ABOUT and run(arguments) -> exit status
+# name -> what it does; the module drakeplan.cli.<name> (_ for -) has Arguments, ABOUT and run(arguments) -> exit status
 COMMANDS = {
     "plan": "plan a crossing: contacts, forces and a whole-body motion, verified",
     "verify": "check a plan file with code that shares nothing with the planner",
@@ -25,6 +25,7 @@ COMMANDS = {
     "robots": "list robots, or print the model file of one",
     "collect": "gather training data for surrogates, on this machine or a cluster",
     "train": "train surrogates on gathered data",
+    "warm-up": "compile all kernels once, for example into an image",
     "bench": "measure speed and compare with peers",
 }
 OVERVIEW = """usage: drakeplan COMMAND ...
@@ -90,7 +91,7 @@ def _dispatch(tokens: list[str]) -> int:
         raise unknown_name("command", tokens[0], COMMANDS)
     from drakeplan.cli.arguments import parse
 
-    command = import_module(f"drakeplan.cli.{tokens[0]}")
+    command = import_module(f"drakeplan.cli.{tokens[0].replace('-', '_')}")
     return command.run(parse(command.Arguments, f"drakeplan {tokens[0]}", tokens[1:], about=command.ABOUT))
 
 

@@ -20,6 +20,9 @@ from scenes.input_error import InputError
 
 Parsed = TypeVar("Parsed")
 Numbers = tuple[float, ...]  # the type of an option that takes several numbers
+Packages = Annotated[
+    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=DIR", help_behavior_hint="")
+]
 POSITIONAL = get_args(tyro.conf.Positional[str])[1]  # what marks a field as one
 
 

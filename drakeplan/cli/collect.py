@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import tyro
 
+from drakeplan.cli.arguments import Packages
 from scenes.input_error import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -52,7 +53,9 @@ class Arguments:
     seed: int = 0
     """of all random numbers"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
-    """robot name"""
+    """robot name or robot file"""
+    package: Packages = ()
+    """folder of package://NAME addresses in the robot's model; may be given several times"""
     friction: Annotated[float, tyro.conf.arg(metavar="MU")] = 0.5
     """of every surface"""
     task_timeout: Annotated[float, tyro.conf.arg(metavar="S")] = 600.0
@@ -105,8 +108,10 @@ def _check(arguments: Arguments) -> None:
 
 def _campaign(arguments: Arguments) -> DynamicsCampaign:
     from drakeplan.campaigns.dynamics import DynamicsCampaign
+    from scenes.robots.addresses import read_packages
 
-    return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction)
+    packages = tuple((name, str(folder)) for name, folder in read_packages(arguments.package).items())
+    return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
 
 
 def _workers(campaign: DynamicsCampaign, arguments: Arguments) -> Workers:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from drakeplan.cli import supervisor
+from drakeplan.cli.arguments import Packages
 from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from drakeplan.progress import Progress, ProgressEvent
     from drakeplan.query.options import PlanOptions
     from drakeplan.query.result import PlanResult
+    from scenes.robots.robot import Robot
     from scenes.scene import Scene
 
 ABOUT = """Plans how a robot crosses a scene with its feet and palms, and has the plan verified.
@@ -63,7 +65,9 @@ class Arguments:
     scene: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """a name, a scene file, hpp/MESH or a mesh file"""
     robot: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """robot name (default: the scene's robot, else escher)"""
+    """robot name or robot file (default: the scene's robot, else escher)"""
+    package: Packages = ()
+    """folder of package://NAME addresses in the robot's model; may be given several times"""
     seed: int = 0
     """random seed of the scene and of the planner"""
     start: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y [YAW]", help_behavior_hint="")] = ()
@@ -129,12 +133,13 @@ def run(arguments: Arguments) -> int:
     if len({Path(path).resolve() for path in outputs}) < len(outputs):
         raise InputError(f"--out and --html name the same file {arguments.out}")
     from scenes.files.scene_source import load_scene
+    from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
 
     scene = load_scene(arguments.scene, seed=arguments.seed)
     for note in scene.notes:
         print(f"note: {note}", file=sys.stderr)
-    robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT)
+    robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT, read_packages(arguments.package))
     _require_ends(arguments, scene)
     from drakeplan.progress import ProgressPrinter
     from drakeplan.query.planning import plan_scene
@@ -151,7 +156,12 @@ def run(arguments: Arguments) -> int:
         print(f"note: {note}", file=sys.stderr)
     for line in _explanation(arguments, result):
         print(line, file=sys.stderr)
-    files = _write(arguments, result)
+    files = _write(arguments, result, robot)
+    if "plan" in files and robot.given_by_path:
+        print(
+            f"note: this plan needs its robot file: {_verify_command(arguments)} where {robot.source} is not there",
+            file=sys.stderr,
+        )
     complete = result.status == "complete"
     report = {
         **result.report,
@@ -242,7 +252,12 @@ def _in_radians(place: Sequence[float]) -> tuple[float, ...] | None:
     return (*place[:2], *(math.radians(yaw) for yaw in place[2:]))
 
 
-def _write(arguments: Arguments, result: PlanResult) -> dict[str, str]:
+def _verify_command(arguments: Arguments) -> str:
+    """How to verify the plan on a machine that has the robot file elsewhere."""
+    return shlex.join(["drakeplan", "verify", arguments.out or "", "--robot", arguments.robot or ""])
+
+
+def _write(arguments: Arguments, result: PlanResult, robot: Robot) -> dict[str, str]:
     """Writes what was asked for; a plan without a verified motion only with --keep-partial."""
     files: dict[str, str] = {}
     if result.plan is None or (result.status != "complete" and not arguments.keep_partial):
@@ -255,7 +270,7 @@ def _write(arguments: Arguments, result: PlanResult) -> dict[str, str]:
     if arguments.html is not None:
         from drakeplan.playback import write_page
 
-        write_page(result.plan, arguments.html)
+        write_page(result.plan, arguments.html, robot)
         files["html"] = arguments.html
     return files
 

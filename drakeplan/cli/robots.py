@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 
 import tyro
 
+from drakeplan.cli.arguments import Packages
 from scenes.input_error import InputError
+from scenes.robots.addresses import read_packages
 from scenes.robots.robot import Robot, load_robot, robot_names
 
 ABOUT = """Lists the robots, or prints the model file of one.
@@ -27,7 +29,9 @@ class Arguments:
     action: Annotated[Literal["list"], tyro.conf.Positional, tyro.conf.arg(metavar="list")] = "list"
     """what to do"""
     path: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """print the absolute path of this robot's model file"""
+    """print the absolute path of this robot's model file (a robot name or robot file)"""
+    package: Packages = ()
+    """folder of package://NAME addresses in the robot's model; may be given several times"""
     json: bool = False
     """one JSON object on standard output"""
 
@@ -37,7 +41,7 @@ def run(arguments: Arguments) -> int:
     from drakeplan.cli.output import print_json
 
     if arguments.path is not None:
-        robot = load_robot(arguments.path)
+        robot = load_robot(arguments.path, read_packages(arguments.package))
         if arguments.json:
             print_json(_facts(robot))
         else:

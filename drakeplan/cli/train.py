@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from drakeplan.cli.arguments import Packages
 from scenes.input_error import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ class Arguments:
     """where weights, card, curves and report go"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
     """robot of the labels"""
+    package: Packages = ()
+    """folder of package://NAME addresses in the robot's model; may be given several times"""
     kind: Literal["palms", "shared", "documented"] = "palms"
     """a network for each number of palms held, one for all (for few labels), or two for each category as in Lin et al. 2019"""
     width: int | None = None
@@ -81,12 +84,13 @@ def run(arguments: Arguments) -> int:
         raise InputError("drakeplan train needs torch: pip install 'drakeplan[train]'")
     from learning.labelled_transitions import read_labels
     from learning.training.options import recommended
+    from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
 
     given = {name: getattr(arguments, name) for name in ("width", "depth", "epochs", "members")}
     given = {name: value for name, value in given.items() if value is not None}
     options = replace(recommended(arguments.kind), recall=arguments.recall, seed=arguments.seed, **given)
-    robot = load_robot(arguments.robot)
+    robot = load_robot(arguments.robot, read_packages(arguments.package))
     labels = read_labels(Path(arguments.data), robot.name)
     if arguments.learning_curve:
         from drakeplan.cli.learning_curve import run_learning_curve

@@ -31,6 +31,7 @@ from drakeplan.motion.assembly import assemble_plan
 from drakeplan.motion.maker import MotionMaker, MotionResult
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import read_plan
+from drakeplan.plan.robot_of_plan import RobotMark, find_robot
 from drakeplan.plan.verified import verify_plan
 from drakeplan.progress import ProgressEvent
 from drakeplan.verifier import Report
@@ -42,7 +43,7 @@ from scenes.contact import Contact
 from scenes.files.scene_file import scene_from_yaml
 from scenes.footholds.contact_regions import ContactRegions
 from scenes.input_error import InputError
-from scenes.robots.robot import Robot, load_robot
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.stance import Stance
 
@@ -127,7 +128,7 @@ def deform(
     options = options or DeformOptions()
     plan = plan if isinstance(plan, Plan) else read_plan(plan)
     complete_parts(plan)
-    robot = robot or load_robot(plan.robot)
+    robot = robot or find_robot(RobotMark.of(plan))
     if robot.model_sha256 != plan.robot_model_sha256:
         raise InputError(f"deform: the plan was made with another model of robot {plan.robot!r} than {robot.model}")
     _check_surfaces(plan, scene)

@@ -14,6 +14,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from drakeplan.plan.plan import Plan
+from drakeplan.plan.robot_of_plan import RobotMark, find_robot
 from drakeplan.playback.animation import animate
 from drakeplan.playback.page import finished_page, finished_scene_page
 from drakeplan.playback.still import draw_scene, draw_still, light_and_look
@@ -21,7 +22,7 @@ from drakeplan.playback.view import View, choose_view
 from scenes.files.scene_file import scene_from_yaml
 from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
-from scenes.robots.robot import Robot, load_robot
+from scenes.robots.robot import Robot
 from scenes.scene import Scene
 
 HOST = "localhost"  # Drake's default listens on every interface
@@ -144,13 +145,7 @@ def robot_of(plan: Plan) -> Robot:
     Raises:
         InputError: an unknown robot or another model.
     """
-    robot = load_robot(plan.robot)
-    if robot.model_sha256 != plan.robot_model_sha256:
-        raise InputError(
-            f"the plan was made for another model of {plan.robot} "
-            f"(sha256 {plan.robot_model_sha256[:12]}, here {robot.model_sha256[:12]})"
-        )
-    return robot
+    return find_robot(RobotMark.of(plan))
 
 
 def _scene_of(plan: Plan) -> Scene:

@@ -21,7 +21,6 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder
@@ -30,6 +29,7 @@ from drakeplan.plan.plan import Plan, PlanCentroidal
 from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
 from drakeplan.playback.still import COM_COLOUR, ROOT
 from scenes.gravity import GRAVITY
+from scenes.robots.drake_parser import add_model
 from scenes.robots.robot import Robot
 
 FRAMES_PER_SECOND = 25.0
@@ -112,7 +112,7 @@ def _body_poses(meshcat: Meshcat, plan: Plan, robot: Robot, frames: FrameTimes) 
     assert plan.motion is not None
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
-    Parser(plant).AddModels(str(robot.model))
+    add_model(plant, robot.model)
     plant.Finalize()
     parameters = MeshcatVisualizerParams(role=Role.kIllustration, prefix=ROBOT, delete_on_initialization_event=False)
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)

@@ -22,6 +22,7 @@ from drakeplan.motion.assembly import assemble_plan
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
 from drakeplan.plan.plan import Plan, tabulate_stances
+from drakeplan.plan.robot_of_plan import ROBOT_FILE
 from drakeplan.plan.verified import verify_plan
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.options import PlanOptions
@@ -247,6 +248,8 @@ class Query:
             "cost": self.record.cost,
             "bound": self.record.bound,
         }
+        if self.context.robot.given_by_path:
+            facts[ROBOT_FILE] = str(self.context.robot.source)
         if sequence.predicted_com is not None:
             facts["predicted_com"] = sequence.predicted_com.tolist()
         context = self.context

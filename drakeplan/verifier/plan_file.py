@@ -164,7 +164,7 @@ def find_model(plan: PlanFile, robot_model: str | Path | None) -> Path:
     """
     model = Path(robot_model if robot_model is not None else plan.attributes["robot_model"])
     if not model.is_file():
-        raise UnreadablePlan(f"{plan.path}: there is no robot model {model}; give the model it was made for")
+        raise UnreadablePlan(f"{plan.path}: there is no robot model {model}; give the one it was made for (--robot)")
     if hashlib.sha256(model.read_bytes()).hexdigest() != plan.attributes["robot_model_sha256"]:
         raise UnreadablePlan(f"{plan.path}: made for another robot model than {model} (their sha256 differ)")
     return model

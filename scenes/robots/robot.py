@@ -102,6 +102,11 @@ class Robot:
             object.__setattr__(self, field, array)
 
     @property
+    def given_by_path(self) -> bool:
+        """Whether it is described by a user's file, not by one that comes with drakeplan."""
+        return not self.source.is_relative_to(ROBOTS.resolve())
+
+    @property
     def palms(self) -> tuple[int, ...]:
         """The palms that the robot has, as indices into `EFFECTORS`."""
         return tuple(e for e in (LEFT_PALM, RIGHT_PALM) if min(self.effectors[e].half_extent) > 0.0)
