@@ -17,13 +17,13 @@ from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.contact_planning.contact_plan import ContactPlan, DynamicsName, PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
 from drakeplan.motion.assembly import assemble_plan
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions
 from drakeplan.plan.plan import tabulate_stances
 from drakeplan.plan.verified import verify_plan
+from drakeplan.query.warm_up import warm_up
 from drakeplan.search.ana_star import Limits
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.balance_regions import balance_region

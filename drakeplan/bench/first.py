@@ -7,8 +7,8 @@ import numpy as np
 from drakeplan.bench.table import BenchOptions, BenchTable, spread
 from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
+from drakeplan.query.warm_up import warm_up
 from drakeplan.search.ana_star import Limits
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene

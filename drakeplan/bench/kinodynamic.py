@@ -11,11 +11,11 @@ import time
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
 from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
+from drakeplan.query.warm_up import warm_up
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.momentum_gap import PROMISED, Gap, MomentumGap
 from scenes.files.scene_source import load_scene

@@ -10,11 +10,11 @@ import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.contact_planning.planner import PLANNERS
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.result import PlanResult
+from drakeplan.query.warm_up import warm_up
 from optimization.contact_programs.length_bound import LengthBound, length_lower_bound
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import NAMED_SCENES

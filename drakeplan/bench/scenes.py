@@ -7,9 +7,9 @@ from collections import Counter
 import numpy as np
 
 from drakeplan.bench.table import BenchOptions, BenchTable
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
+from drakeplan.query.warm_up import warm_up
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError

@@ -8,7 +8,6 @@ import time
 
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.planner import make_planner, planner_entry
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
 from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
@@ -17,6 +16,7 @@ from drakeplan.query.options import PlanOptions, check_options, with_options
 from drakeplan.query.query import Query
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.result import PlanResult
+from drakeplan.query.warm_up import warm_up
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone

@@ -1,7 +1,7 @@
 """Which of a robot's shapes come near the terrain in which postures: distance, nearest points and the way out, compiled.
 
-The terrain is what `PackedTerrain` holds: faces of obstacles, as thin as paper, and plates, `THICKNESS` deep behind
-their faces. Only polygons in the grid cells around a shape are looked at, so that a query costs what the terrain near
+The terrain is what `PackedTerrain` holds: faces of obstacles, as thin as paper, and plates, as deep as `depth` says.
+Only polygons in the grid cells around a shape are looked at, so that a query costs what the terrain near
 the robot costs, however large or fine the rest is.
 
 Where shape and polygon overlap, the way out is the shortest of those along the polygon's outward normal and across its
@@ -23,7 +23,6 @@ from optimization.multibody.convex_distance import hull_distance
 from optimization.multibody.kinematic_tree import KinematicTree, forward
 from optimization.multibody.robot_shapes import RobotShapes
 from optimization.multibody.terrain_clearance import in_link, may_touch, place
-from scenes.robots.plant import THICKNESS
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
 
 
@@ -121,7 +120,7 @@ def _find(
 
 @njit(cache=True)
 def _may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> bool:
-    return may_touch(packed, k, c, reach + (THICKNESS if k < packed.num_surfaces else 0.0))
+    return may_touch(packed, k, c, reach + packed.depth[k])
 
 
 @njit(cache=True)
@@ -152,7 +151,7 @@ def shape_distance(
         n: (3,) is written: unit vector from the polygon to the shape.
     """
     corners = packed.count[k]
-    depth = THICKNESS if k < packed.num_surfaces else 0.0
+    depth = packed.depth[k]
     for m in range(corners):
         for r in range(3):
             B[m, r] = packed.vertices[k, m, r]

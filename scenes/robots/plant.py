@@ -36,12 +36,12 @@ from scenes.effector import EFFECTORS, is_foot
 from scenes.meshes.convex_faces import join_coplanar
 from scenes.robots.drake_parser import add_model, set_joint
 from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import THICKNESS
 from scenes.terrain.polygon import polygon_normal
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain, TriangleMesh
 
 NEAR = 2.0  # [m] further away no part of a robot gets while its contacts stay
-THICKNESS = 0.02  # [m] how far a plate or a mesh's face reaches behind its face
 MIN_ALTITUDE = 1e-4  # [m] triangles flatter than this hold no prism; their neighbours cover them
 OBSTACLE_FRICTION = 0.5  # [-] nothing is planned to touch them
 

@@ -15,6 +15,8 @@ from scenes.terrain.terrain import Terrain
 
 CELL = 0.5  # [m] edge of a grid cell; a query box of a step's size touches a handful
 MAX_CELLS = 4_000_000  # a terrain wider than this many cells gets larger ones
+THICKNESS = 0.02  # [m] how far a plate reaches behind its face
+COVERED = 1e-4  # [m] a triangle this near to the inside of a mesh's face is that face
 PLATE_SPLIT = 1e-9  # area below which a triangle of an obstacle is dropped
 
 
@@ -31,7 +33,10 @@ class PackedTerrain(NamedTuple):
         edge_offset: (P, K) inside means edge_normal @ p <= edge_offset.
         low, high: (P, 3) axis-aligned bounds [m].
         allowed: (P, 4) whether each end effector may touch the polygon.
-        body: (P,) 1 where the polygon is a solid face (an obstacle triangle or a plate), 0 where a mesh face doubles it.
+        body: (P,) whether bodies collide with the polygon: plates, faces of meshes, and the triangles of obstacles that no
+            face of a mesh covers.
+        depth: (P,) how far the solid behind the polygon reaches [m]: `THICKNESS` for plates, 0 for faces of obstacles,
+            which have others behind them.
         solid: (P,) number of the obstacle whose closed body the triangle bounds, -1 for all others.
         friction: (P,) Coulomb coefficient.
         floor: (S,) number of the floor that each surface is a piece of, -1 where it is alone.
@@ -53,6 +58,7 @@ class PackedTerrain(NamedTuple):
     high: np.ndarray
     allowed: np.ndarray
     body: np.ndarray
+    depth: np.ndarray
     solid: np.ndarray
     friction: np.ndarray
     floor: np.ndarray
@@ -91,8 +97,9 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
     allowed = np.zeros((total, len(EFFECTORS)), dtype=np.bool_)
     for i, surface in enumerate(terrain.surfaces):
         allowed[i] = [surface.allows(e) for e in EFFECTORS]
-    body = np.ones(total, dtype=np.bool_)
-    body[:num_surfaces] = ~np.array(terrain.surfaces_of_meshes, dtype=bool)
+    of_mesh = np.array(terrain.surfaces_of_meshes, dtype=np.bool_)
+    depth = np.zeros(total)
+    depth[:num_surfaces] = np.where(of_mesh, 0.0, THICKNESS)
     solid = np.full(total, -1)
     solid[num_surfaces:] = solid_of_triangles(terrain)[large]
     friction = np.zeros(total)
@@ -100,7 +107,7 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
     low, high = vertices.min(axis=1), vertices.max(axis=1)
     own = slice(num_surfaces)
     floors = floors_of(vertices[own], count[own], normal[own], friction[own], allowed[own])
-    return PackedTerrain(
+    packed = PackedTerrain(
         num_surfaces,
         vertices,
         count,
@@ -111,12 +118,15 @@ def pack_terrain(terrain: Terrain) -> PackedTerrain:
         low,
         high,
         allowed,
-        body,
+        np.ones(total, dtype=np.bool_),
+        depth,
         solid,
         friction,
         *floors,
         *_grid(low, high),
     )
+    _leave_out_covered(packed, of_mesh)
+    return packed
 
 
 def polygon_names(terrain: Terrain) -> tuple[str, ...]:
@@ -159,6 +169,38 @@ def _fill_cells(first: np.ndarray, last: np.ndarray, shape: np.ndarray) -> tuple
                 items[fill[i * shape[1] + j]] = k
                 fill[i * shape[1] + j] += 1
     return start, items
+
+
+@njit(cache=True)
+def _leave_out_covered(packed: PackedTerrain, of_mesh: np.ndarray) -> None:
+    """Unmarks the triangles in `body` that lie in a face of a mesh: one polygon is their body, not thousands."""
+    for s in range(packed.num_surfaces):
+        if not of_mesh[s]:
+            continue
+        n = packed.normal[s]
+        rows, j0, j1 = cells_under(packed, packed.low[s, 0], packed.low[s, 1], packed.high[s, 0], packed.high[s, 1])
+        for i in rows:
+            for k in in_cells(packed, i, j0, j1):
+                if k < packed.num_surfaces or not packed.body[k]:
+                    continue
+                t = packed.normal[k]
+                if n[0] * t[0] + n[1] * t[1] + n[2] * t[2] > 0.999 and _holds(packed, s, packed.vertices[k]):
+                    packed.body[k] = False
+
+
+@njit(cache=True)
+def _holds(packed: PackedTerrain, s: int, corners: np.ndarray) -> bool:
+    """Whether the first three corners lie in polygon s."""
+    n = packed.normal[s]
+    for m in range(3):
+        x, y, z = corners[m]
+        if abs(n[0] * x + n[1] * y + n[2] * z - packed.offset[s]) > COVERED:
+            return False
+        for e in range(packed.count[s]):
+            w = packed.edge_normal[s, e]
+            if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[s, e] + COVERED:
+                return False
+    return True
 
 
 @njit(cache=True)

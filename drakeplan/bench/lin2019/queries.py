@@ -17,8 +17,8 @@ from drakeplan.bench.contact_query import QueryOutcome, run_query
 from drakeplan.bench.kept_cases import Case, KeptCases
 from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchSettings
-from drakeplan.contact_planning.warm_up import warm_up
 from drakeplan.context import QueryContext
+from drakeplan.query.warm_up import warm_up
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene

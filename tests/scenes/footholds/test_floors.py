@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +62,7 @@ def test_floors_are_the_levels_that_no_torso_s_height_joins_to_a_higher_one(gaps
     expected = [(z, gap > TOP) for z, gap in zip(heights, gaps, strict=True) if gap >= KNEE]
     assert [f.z for f in floors] == pytest.approx([z for z, _ in expected])
     assert [f.head_room for f in floors] == [room for _, room in expected]
-    assert all(a.high == b.low for a, b in zip(floors[:-1], floors[1:], strict=True))
+    assert all(a.high == b.low for a, b in itertools.pairwise(floors))
     assert all(f.low < f.z < f.high for f in floors)
 
 

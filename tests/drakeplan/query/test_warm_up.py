@@ -1,4 +1,4 @@
-"""Nothing is compiled while a search's clock runs: the first query on a machine would spend its whole deadline on that."""
+"""Nothing is compiled while a query's clock runs: the first one on a machine would spend its whole deadline on that."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from numba.core.dispatcher import Dispatcher
 from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
+from drakeplan.motion.maker import MotionMaker
 from drakeplan.search.ana_star import Limits
-from drakeplan.contact_planning.warm_up import warm_up
+from drakeplan.query.warm_up import warm_up
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import load_robot
 from scenes.files.scene_source import load_scene
@@ -30,15 +31,18 @@ warm_up(robot, ik)
 before = compiled()
 assert before
 for name in ("rubble_corridor", "stairs"):
-    planner = SearchPlanner(QueryContext(load_scene(name, seed=0), robot, ik), PlannerOptions(dynamics=sys.argv[1]))
-    assert len(list(planner.plans(Limits(expansions=100)))) > 0
+    context = QueryContext(load_scene(name, seed=0), robot, ik)
+    planner = SearchPlanner(context, PlannerOptions(dynamics=sys.argv[1]))
+    plans = list(planner.plans(Limits(expansions=100)))
+    assert plans
+    MotionMaker(context).run(plans[-1].stances[:4], lambda event: None)
 print(*sorted(compiled() - before), sep="\\n", end="")
 """
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dynamics", ["quasi-static", "learned"])
-def test_a_search_after_the_warm_up_compiles_and_loads_no_kernel(dynamics: str) -> None:
+def test_search_and_motion_after_the_warm_up_compile_and_load_no_kernel(dynamics: str) -> None:
     fresh = subprocess.run([sys.executable, "-c", FRESH, dynamics], capture_output=True, text=True, timeout=300)
     assert fresh.returncode == 0, fresh.stderr
     assert fresh.stdout == ""

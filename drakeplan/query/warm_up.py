@@ -7,18 +7,22 @@ import numpy as np
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
+from drakeplan.motion.maker import MotionMaker, MotionOptions
 from drakeplan.search.ana_star import Limits
 from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene, Start
+from scenes.stance import Stance
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain
 
+COARSE = MotionOptions(rate=10, rounds=1, attempts=1)  # every kernel, few frames
+
 
 def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
-    """Plans a few steps along a wall; the first time on a machine it compiles for a while, then it takes milliseconds.
+    """Plans a few steps along a wall and moves one of them; the first time on a machine it compiles for a while.
 
     It plans with quasi-static balance, and with learned dynamics where weights exist: kernels compiled within a query
     would use up its deadline.
@@ -37,11 +41,14 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     terrain = Terrain((floor, wall if wall.normal[1] < 0 else wall.flipped()), (post,))
     scene = Scene("warm_up", terrain, Start((0.0, 0.0, 0.0)), Goal((0.5, 0.0, 0.0), 0.1))
     context = QueryContext(scene, robot, ik)
+    stances: tuple[Stance, ...] = ()
     for dynamics in _judges(robot):
         planner = SearchPlanner(context, PlannerOptions(dynamics=dynamics))
         if not planner.start_problem():
-            for _ in planner.plans(Limits(expansions=30, improve=0.05)):
-                pass
+            for plan in planner.plans(Limits(expansions=30, improve=0.05)):
+                stances = plan.stances[:2]
+    if len(stances) > 1:
+        MotionMaker(context, COARSE).run(stances, lambda event: None)
 
 
 def _judges(robot: Robot) -> tuple[DynamicsName, ...]:
