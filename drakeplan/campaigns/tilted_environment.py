@@ -78,7 +78,7 @@ def draw_environment(rng: np.random.Generator, friction: float) -> TiltedEnviron
         for _ in range(START_DRAWS)
     )
     steps = "long_stride" if ground == "gaps" else _pick(rng, STEP_MODELS)
-    return TiltedEnvironment(Terrain(tuple(surfaces)), ground, walls, steps, starts, Goal((LENGTH[1], 0.0, 0.0)))
+    return TiltedEnvironment(Terrain(tuple(surfaces)), ground, walls, steps, starts, Goal((LENGTH[1], 0.0, np.nan)))
 
 
 def _pick(rng: np.random.Generator, weights: dict[str, float]) -> str:

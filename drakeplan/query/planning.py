@@ -63,6 +63,7 @@ def plan_scene(
         record.compile_s = _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
     deadline.start()
+    record.start, record.goal = context.start.feet_mean().tolist(), list(context.goal.xyz)
     record.notes += context.floor_notes
     dynamics = _dynamics(context, options, record.notes)
     for note in record.notes:

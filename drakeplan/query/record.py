@@ -50,6 +50,8 @@ class QueryRecord:
         repairs: times that a refused transition was forbidden and the search resumed.
         limits_fired: by name.
         notes: what was done otherwise than asked, one line each.
+        start: mean of the feet at the start [m], at the height of the floor that was taken.
+        goal: middle of the goal [m], the same.
     """
 
     began: float = field(default_factory=time.perf_counter)
@@ -72,6 +74,8 @@ class QueryRecord:
     repairs: int = 0
     limits_fired: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    start: list[float] | None = None
+    goal: list[float] | None = None
 
     def as_dict(self, status: str, reason: str, verification: Report | None) -> dict[str, object]:
         """The report: these numbers with status, reason and the result of the verification.

@@ -20,7 +20,7 @@ from drakeplan.cli.output import print_json
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import read_plan, write_plan
 from drakeplan.progress import ProgressEvent
-from drakeplan.query.options import PlanOptions
+from drakeplan.query.options import PlanOptions, with_options
 from drakeplan.query.result import PlanResult
 from scenes.input_error import InputError
 from scenes.library.flat import named as flat
@@ -246,11 +246,11 @@ def test_contacts_without_a_verified_motion_are_written_only_when_asked_for(
 def test_no_plan_is_exit_3_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fake(monkeypatch, "none", "goal unreachable on the grid", None)
+    fake(monkeypatch, "none", "goal unreachable: it is too far", None)
     assert main(["plan", "flat", "--out", str(tmp_path / "plan.h5"), "--keep-partial", "--json"]) == 3
     said = capsys.readouterr()
-    assert json.loads(said.out)["reason"] == "goal unreachable on the grid"
-    assert said.err.splitlines()[-1] == "drakeplan: no complete plan: goal unreachable on the grid"
+    assert json.loads(said.out)["reason"] == "goal unreachable: it is too far"
+    assert said.err.splitlines()[-1] == "drakeplan: no complete plan: goal unreachable: it is too far"
     assert not list(tmp_path.iterdir())
 
 
@@ -262,6 +262,22 @@ def test_degrees_become_radians_and_options_may_come_before_the_scene(monkeypatc
     assert options.start == pytest.approx((-0.1, 0.2, np.pi / 2))
     assert options.goal == (1.0, -0.2)
     assert (options.seed, options.goal_radius, options.friction) == (7, 0.4, None)
+
+
+def test_heights_of_start_and_goal_are_options_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = fake(monkeypatch, "none", "", None)
+    main(["plan", "flat", "--goal", "1", "0", "--goal-z", "-1.5", "--start-z=2.4"])
+    options = planner.options
+    assert options is not None
+    assert (options.start, options.start_z, options.goal, options.goal_z) == (None, 2.4, (1.0, 0.0), -1.5)
+    placed = with_options(flat(0), options)
+    assert placed.start is not None and placed.goal is not None
+    assert (placed.start.xyz[2], placed.goal.xyz) == (2.4, (1.0, 0.0, -1.5))
+
+
+def test_a_height_that_is_no_number_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "flat", "--goal-z", "nan"]) == 2
+    assert "--goal-z" in one_line(capsys)
 
 
 def test_a_scene_without_start_or_goal_asks_for_them_and_shows_its_extent(
