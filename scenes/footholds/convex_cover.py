@@ -6,8 +6,13 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from scenes.meshes.convex_faces import join_coplanar
+from scenes.terrain.polygon import area
+
 SMOOTHING = 5e-4  # [m] corners that stand out or in by less are dropped first; a modeller's arcs have thousands
 REFLEX = 2e-5  # [m] a corner that dents the outline by less is straight
+FEW = 40  # corners of an outline that is worth a cover
+LEAST = 1e-5  # [m^2] pieces smaller than this carry nothing
 SLIVER = 1e-7  # [m^2] uncovered area that is only rounding
 
 
@@ -38,6 +43,24 @@ def convex_cover(region: Polygon) -> list[np.ndarray]:
         pieces.append(piece)
         missing = missing.difference(piece)
     return [corners for corners in map(_corners, pieces) if len(corners) >= 3]
+
+
+def convex_pieces(region: Polygon) -> list[np.ndarray]:
+    """(K, 2) counter-clockwise convex polygons that make up a region: a cover of few corners, else pieces side by side.
+
+    A cover of an outline with many dents has many pieces and takes long. Pieces side by side are one floor all the same
+    (`scenes.terrain.floors`).
+
+    Args:
+        region: without self-intersections, holes allowed [m].
+    """
+    if len(shapely.get_coordinates(region)) <= FEW:
+        return convex_cover(region)
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(region))
+    corners = np.array([shapely.get_coordinates(shapely.orient_polygons(t))[:3] for t in triangles])
+    corners = corners[shapely.area(triangles) > LEAST]
+    flat = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2)
+    return [ring[:, :2] for ring in join_coplanar(flat) if area(ring[:, :2]) > LEAST]
 
 
 def min_width(corners: np.ndarray) -> float:

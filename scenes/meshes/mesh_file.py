@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from scenes.input_error import InputError
+from scenes.meshes.mesh_orientation import row_numbers
 from scenes.terrain.polygon import area_vectors
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae")
 MAX_BYTES = 256 * 2**20
-MAX_TRIANGLES = 500_000
+MAX_TRIANGLES = 2_000_000
 MIN_TRIANGLE = 1e-10  # [m^2] smaller ones have no normal to speak of and bound nothing
 
 
@@ -49,11 +50,12 @@ def drop_degenerate(triangles: np.ndarray) -> np.ndarray:
     """(K, 3, 3) the triangles that have an area, each once: equal ones with equal winding are one [m]."""
     doubled = area_vectors(triangles)
     triangles = triangles[np.linalg.norm(doubled, axis=1) > 2 * MIN_TRIANGLE]
-    corners = np.round(triangles, 6) + 0.0
+    corners = np.round(triangles * 1e6).astype(np.int64)
     # Each triangle starts at its lowest corner: equal ones compare equal whichever corner the file began with.
     order = np.lexsort(corners.transpose(2, 0, 1)[::-1], axis=1)[:, :1]
     turned = np.take_along_axis(corners, ((order + np.arange(3)) % 3)[:, :, None], axis=1)
-    _, first = np.unique(turned.reshape(len(turned), 9), axis=0, return_index=True)
+    corner = row_numbers(turned.reshape(-1, 3)).reshape(-1, 3)
+    _, first = np.unique(row_numbers(corner), return_index=True)
     return triangles[np.sort(first)]
 
 

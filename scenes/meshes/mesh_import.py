@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.footholds.convex_cover import convex_cover, min_width
+from scenes.footholds.convex_cover import convex_cover, convex_pieces, min_width
 from scenes.input_error import InputError
 from scenes.meshes.mesh_file import drop_degenerate, read_mesh
-from scenes.meshes.mesh_orientation import turn_outward
+from scenes.meshes.mesh_orientation import single_faces, turn_outward
 from scenes.meshes.planar_regions import planar_regions
+from scenes.meshes.rough_ground import fit_rough_ground
 from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import PALM_TILT, Surface
 from scenes.terrain.terrain import TriangleMesh
@@ -90,17 +91,41 @@ def import_mesh(
     triangles = drop_degenerate(triangles)
     if len(triangles) == 0:
         raise InputError(f"{path}: no face has an area, expected triangles of more than a point or a line")
+    triangles, halved = single_faces(triangles)
     triangles, turned = turn_outward(triangles)
-    triangles.setflags(write=False)
     name = mesh_name(path) if name is None else name
+    triangles, surfaces, fitted = surfaces_of_mesh(triangles, name, friction)
     obstacle = ImportedMesh(name, triangles, reference or path.name, path, X_WM, 1.0 if scale is None else scale)
-    surfaces = []
-    for region in planar_regions(triangles, min_width=NARROWEST, max_tilt=PALM_TILT[1]):
-        for corners in convex_cover(region.outline):
-            if min_width(corners) >= NARROWEST:
-                surface = Surface(f"{MESH_PREFIX}{name}/{len(surfaces)}", region.lift(corners), friction)
-                surfaces.append(surface)
-    return MeshImport(obstacle, tuple(surfaces), tuple(f"{path.name}: {note}" for note in turned))
+    return MeshImport(obstacle, surfaces, tuple(f"{path.name}: {note}" for note in (*halved, *turned, *fitted)))
+
+
+def surfaces_of_mesh(
+    triangles: np.ndarray, name: str, friction: float
+) -> tuple[np.ndarray, tuple[Surface, ...], tuple[str, ...]]:
+    """The mesh with its rough ground flattened, the surfaces cut out of it, and what was changed.
+
+    Args:
+        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        name: of the mesh; its surfaces are called after it.
+        friction: of every surface [-].
+    """
+    notes: tuple[str, ...] = ()
+    exact, pieces = triangles, []
+    rough = fit_rough_ground(triangles, min_width=NARROWEST, max_tilt=PALM_TILT[1])
+    if rough is not None:
+        triangles, exact = rough.triangles, rough.triangles[~rough.rough]
+        for region in rough.regions:
+            pieces += [region.lift(corners) for corners in convex_pieces(region.outline)]
+        notes = (
+            f"its ground is rough; planes were fitted within {1e3 * rough.tolerance:.2g} mm, they hold {rough.fitted:.0%} of it; "
+            f"its vertices were moved onto them, by {1e3 * rough.rms:.2g} mm RMS and {1e3 * rough.greatest:.2g} mm at most",
+        )
+    if len(exact):
+        for region in planar_regions(exact, min_width=NARROWEST, max_tilt=PALM_TILT[1]):
+            pieces += [region.lift(c) for c in convex_cover(region.outline) if min_width(c) >= NARROWEST]
+    triangles.setflags(write=False)
+    surfaces = (Surface(f"{MESH_PREFIX}{name}/{k}", corners, friction) for k, corners in enumerate(pieces))
+    return triangles, tuple(surfaces), notes
 
 
 def mesh_name(path: Path) -> str:

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from scenes.terrain.polygon import area_vectors
 
+DOUBLED = 0.95  # share of a body's area that has to stand twice for its faces to be both sides of a sheet
 WELD = 5  # decimals of a metre to which corners are the same corner
 
 
@@ -22,8 +23,7 @@ class Bodies:
     """
 
     def __init__(self, triangles: np.ndarray) -> None:
-        corners = np.round(triangles.reshape(-1, 3), WELD) + 0.0
-        numbers = _numbered(corners)
+        numbers = row_numbers(np.round(triangles.reshape(-1, 3) * 10.0**WELD).astype(np.int64))
         self.corner = numbers.reshape(-1, 3)
         faces = len(triangles)
         size = faces + int(numbers.max()) + 1
@@ -49,10 +49,8 @@ class Bodies:
     def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(3 K,) edge number of each side of each triangle; then per edge its faces and how often forward less back."""
         ends = np.stack([self.corner, np.roll(self.corner, -1, axis=1)], axis=2).reshape(-1, 2)
-        low, high = ends.min(axis=1).astype(np.int64), ends.max(axis=1)
-        _, edge, faces = np.unique(low * (self.corner.max() + 1) + high, return_inverse=True, return_counts=True)
-        edge = edge.ravel()
-        return edge, faces, np.bincount(edge, weights=np.where(ends[:, 0] < ends[:, 1], 1, -1))
+        edge = row_numbers(np.sort(ends, axis=1))
+        return edge, np.bincount(edge), np.bincount(edge, weights=np.where(ends[:, 0] < ends[:, 1], 1, -1))
 
     def without(self, edge: np.ndarray, bad: np.ndarray) -> np.ndarray:
         """(count,) bool, the bodies none of whose edges is marked in `bad`.
@@ -71,13 +69,53 @@ class Bodies:
         return self.without(edge, forward != 0)
 
 
-def _numbered(points: np.ndarray) -> np.ndarray:
-    """(n,) numbers of points (n, 3), equal where they are; a column at a time, ten times as fast as sorting rows."""
-    number = np.zeros(len(points), np.int64)
-    for column in points.T:
-        values, place = np.unique(column, return_inverse=True)
-        _, number = np.unique(number * len(values) + place, return_inverse=True)
-    return number
+def row_numbers(rows: np.ndarray) -> np.ndarray:
+    """(N,) numbers of the rows of a (N, D) array of integers, equal where rows are: 0, 1, ... in the rows' order.
+
+    Rows are packed into one integer each, column by column: sorting those is ten times faster than sorting rows.
+    """
+    key = np.zeros(len(rows), np.int64)
+    spread = 1
+    for column in rows.T:
+        low = int(column.min(initial=0))
+        width = int(column.max(initial=0)) - low + 1
+        if spread * width >= 2**62:
+            _, key = np.unique(key, return_inverse=True)
+            spread = int(key.max(initial=0)) + 1
+        if spread * width >= 2**62:
+            _, column = np.unique(column, return_inverse=True)
+            low, width = 0, int(column.max(initial=0)) + 1
+        key = key * width + (column - low)
+        spread *= width
+    return np.unique(key, return_inverse=True)[1].ravel()
+
+
+def single_faces(triangles: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """(K, 3, 3) the triangles without those that are the other side of one, and what was taken away.
+
+    Programs export both sides of each face, turned against each other. Only bodies that consist of such pairs lose half of
+    their faces: two blocks that touch share a face the same way, and both are solid. A sheet that is left is drawn face up.
+    """
+    bodies = Bodies(triangles)
+    sides = row_numbers(np.sort(bodies.corner, axis=1))
+    paired = np.bincount(sides)[sides] == 2
+    area = np.linalg.norm(area_vectors(triangles), axis=1)
+    whole, twice = (np.bincount(bodies.body, weights=area * w) for w in (np.ones(len(area)), paired))
+    doubled = (twice > DOUBLED * whole)[bodies.body] & paired
+    if not doubled.any():
+        return triangles, ()
+    _, first = np.unique(sides, return_index=True)
+    keep = ~doubled
+    keep[first] = True
+    of_doubled = doubled[keep]
+    triangles = _agree(triangles[keep], ~of_doubled)
+    bodies = Bodies(triangles)
+    up = np.bincount(bodies.body, weights=area_vectors(triangles)[:, 2])
+    turn = (~bodies.closed() & (up < 0) & (np.bincount(bodies.body, weights=of_doubled) > 0))[bodies.body]
+    triangles = np.where(turn[:, None, None], triangles[:, ::-1], triangles)
+    return triangles, (
+        f"{int((~keep).sum())} faces had a twin turned the other way; one of each pair was kept, turned outward",
+    )
 
 
 def turn_outward(triangles: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -117,10 +155,14 @@ def _volumes(triangles: np.ndarray, bodies: Bodies) -> np.ndarray:
     return np.bincount(bodies.body, weights=parts)
 
 
-def _agree(triangles: np.ndarray) -> np.ndarray:
+def _agree(triangles: np.ndarray, drawn: np.ndarray | None = None) -> np.ndarray:
     """The same triangles, those turned that walk an edge of two faces the same way as their neighbour.
 
     It is done only in bodies that it closes, or in sheets without branches, where most of the area stays as it was.
+
+    Args:
+        triangles: (K, 3, 3) [m].
+        drawn: (K,) whose winding counts; None for all.
     """
     bodies = Bodies(triangles)
     edge, faces, forward = bodies.edges()
@@ -134,7 +176,7 @@ def _agree(triangles: np.ndarray) -> np.ndarray:
     trimesh.repair.fix_winding(mesh)
     agreed = np.asarray(mesh.triangles)
     turned = (area_vectors(agreed) * area_vectors(triangles)).sum(axis=1) < 0
-    area = np.linalg.norm(area_vectors(triangles), axis=1)
+    area = np.linalg.norm(area_vectors(triangles), axis=1) * (1.0 if drawn is None else drawn)
     mostly = np.bincount(bodies.body, weights=area * turned) > 0.5 * np.bincount(bodies.body, weights=area)
     turned ^= mostly[bodies.body]
     agreed = np.where(turned[:, None, None], triangles[:, ::-1], triangles)

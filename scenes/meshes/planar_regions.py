@@ -11,7 +11,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from scenes.meshes.mesh_orientation import Bodies
+from scenes.meshes.mesh_orientation import Bodies, row_numbers
 from scenes.terrain.polygon import area_vectors
 
 OFF_PLANE = 1e-3  # [m] corners of one region lie about this near its plane
@@ -19,6 +19,7 @@ NORMAL_CELL = 0.04  # grid of unit normals, coarser than twice the degree below
 REFITS = 8  # how often a plane is fitted to its faces at most
 OFF_NORMAL = np.cos(np.deg2rad(1.0))  # normals of one region lie within a degree
 GRID = 1e-5  # [m] corners are snapped to this, so that what should touch touches
+MANY = 500  # triangles, from which on they are joined by their edges: a union of polygons takes 0.2 ms for each
 CRACK = 2e-4  # [m] gaps between faces up to this width are closed
 BURIED = 1.5e-3  # [m] height over a region at which what is solid hides it; more than OFF_PLANE
 
@@ -62,7 +63,7 @@ def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) 
     for members, origin, normal in _coplanar_groups(triangles, normals, area, wanted):
         if area[members].sum() < least:
             continue
-        axes = _plane_axes(normal)
+        axes = plane_axes(normal)
         flat = (triangles[members] - origin) @ axes[:2].T
         outline = _merged(flat)
         if outline.buffer(-min_width / 2).is_empty:
@@ -70,7 +71,7 @@ def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) 
         # A closed body does not wind round a point outside its box: a section needs only the bodies near it.
         low, high = triangles[members].min(axis=(0, 1)), triangles[members].max(axis=(0, 1))
         near = bodies.near(low - 2 * BURIED, high + 2 * BURIED)
-        outline = outline.difference(_buried(outline, triangles[near], normals[near], origin, axes))
+        outline = outline.difference(buried_part(outline, triangles[near], normals[near], origin, axes))
         for part in shapely.get_parts(outline):
             if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
                 yield Region(part, origin, axes)
@@ -114,7 +115,7 @@ def _coplanar_groups(
         yield taken, point, normal
 
 
-def _plane_axes(normal: np.ndarray) -> np.ndarray:
+def plane_axes(normal: np.ndarray) -> np.ndarray:
     """(3, 3) rows: two axes of the plane, the first one level, and its normal."""
     level = np.array([-normal[1], normal[0], 0.0])
     if np.linalg.norm(level) < 1e-6:
@@ -125,14 +126,40 @@ def _plane_axes(normal: np.ndarray) -> np.ndarray:
 
 def _merged(flat: np.ndarray) -> BaseGeometry:
     """The union of (K, 3, 2) triangles, cracks closed."""
-    union = shapely.union_all(shapely.polygons(flat), grid_size=GRID)
+    union = _inside_rim(flat) if len(flat) > MANY else None
+    if union is None:
+        union = shapely.union_all(shapely.polygons(flat), grid_size=GRID)
     return union.buffer(CRACK, join_style="mitre").buffer(-CRACK, join_style="mitre")
 
 
-def _buried(
+def _inside_rim(flat: np.ndarray) -> BaseGeometry | None:
+    """The union of many (K, 3, 2) triangles from the edges that only one of them has; None where some overlap."""
+    corners = np.round(flat.reshape(-1, 2) / GRID).astype(np.int64)
+    corner = row_numbers(corners).reshape(-1, 3)
+    tail, head = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
+    edge = row_numbers(np.sort(np.stack([tail, head], axis=1), axis=1))
+    count, forward = np.bincount(edge), np.bincount(edge, weights=np.where(tail < head, 1, -1))
+    if count.max() > 2 or (forward[count == 2] != 0).any():
+        return None
+    points = (corners * GRID).reshape(-1, 3, 2)
+    sides = np.stack([points, np.roll(points, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+    shape = shapely.build_area(shapely.multilinestrings([sides[count[edge] == 1]])[0])
+    one, two = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    area = float((one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum()) / 2
+    return shape if shape.is_valid and abs(shape.area - area) < 1e-9 * area + GRID**2 else None
+
+
+def buried_part(
     outline: BaseGeometry, triangles: np.ndarray, normals: np.ndarray, origin: np.ndarray, axes: np.ndarray
 ) -> BaseGeometry:
     """The part of a region that has solid on top, found in a section parallel to it and `BURIED` above.
+
+    Args:
+        outline: of the region, in its own axes [m].
+        triangles: (K, 3, 3) what may be solid, counter-clockwise from outside [m].
+        normals: (K, 3) outward unit normals.
+        origin: (3,) where the region's axes start [m].
+        axes: (3, 3) rows: the two axes of the plane and the outward normal.
 
     A sole set down there would stand inside a block. The section's cells are solid where the faces around them wind
     once or more: that faces are doubled, interpenetrate or belong to no closed body does not matter, and what a body

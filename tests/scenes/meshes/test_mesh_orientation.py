@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from scenes.meshes.mesh_orientation import Bodies, turn_outward
+from scenes.meshes.mesh_orientation import Bodies, single_faces, turn_outward
 from scenes.pose import pose_matrix
+from scenes.terrain.polygon import area_vectors
 
 
 def block(size, centre):
@@ -71,3 +72,31 @@ def test_bodies_are_what_hangs_together_and_closed_is_what_has_no_rim():
     assert bodies.closed()[bodies.body[0]]
     near = bodies.near(np.array([0.4, 0, 0]), np.array([2.0, 1, 1]))
     np.testing.assert_array_equal(np.flatnonzero(near), np.arange(12))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_closed_body_drawn_from_both_sides_is_one_body_turned_outward(seed: int) -> None:
+    """Whichever side comes first in the file, face by face."""
+    body = block((1.0, 0.6, 0.2), (0, 0, 0))
+    both = np.concatenate([body, body[:, ::-1]])[np.random.default_rng(seed).permutation(2 * len(body))]
+    single, notes = single_faces(both)
+    outward, _ = turn_outward(single)
+    assert len(outward) == len(body)
+    assert "12 faces had a twin turned the other way" in notes[0]
+    assert (area_vectors(outward) * outward.mean(axis=1)).sum(axis=1).min() > 0
+
+
+def test_a_sheet_drawn_from_both_sides_faces_up() -> None:
+    for both in (np.concatenate([SHEET, SHEET[:, ::-1]]), np.concatenate([SHEET[:, ::-1], SHEET])):
+        single, notes = single_faces(both)
+        assert len(single) == 2
+        assert (area_vectors(single)[:, 2] > 0).all()
+        assert len(notes) == 1
+
+
+def test_blocks_side_by_side_keep_the_face_that_they_share() -> None:
+    left, right = block((1, 1, 1), (0, 0, 0)), block((1, 1, 1), (1, 0, 0))
+    both = np.concatenate([left, right])
+    single, notes = single_faces(both)
+    assert len(single) == len(both)
+    assert notes == ()
