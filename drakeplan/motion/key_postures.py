@@ -35,7 +35,7 @@ MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach tha
 MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
-CLOSEST = 0.006  # [m] that bodies built to pass each other closely keep in a second attempt
+CLOSEST = 0.006  # [m] that bodies built to pass each other closely keep in a second attempt, and all in a third
 SPREAD = 0.06  # [m] distance that arms which hang free keep from everything else in key postures
 HALFWAY = 0.45  # share of a phase at which its middle posture is taken
 STRAIGHT = 0.008  # [m] that a CoM halfway between key postures may be off where it only shifts
@@ -201,7 +201,15 @@ def solve_key_postures(
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
         answer = separate_bodies(tree, monitor, targets, answer, placed, room, reserve=0.0, closest=CLOSEST)
         keys = _judged(ik.kinematics, answer, polygons)
-        keys = replace(keys, near=shortages(monitor, keys.q, keys.failures(), placed, CLOSEST))
+        failures = keys.failures()
+        if failures:  # everything a little nearer: the motion keeps no more than this either
+            solve = np.isin(np.arange(len(q)), failures)
+            answer = track_postures(tree, targets, answer.q, solve=solve, chained=False, max_iterations=60)
+            answer = separate_bodies(
+                tree, monitor, targets, answer, placed, room, reserve=0.0, closest=CLOSEST, apart=CLOSEST
+            )
+            keys = _judged(ik.kinematics, answer, polygons)
+        keys = replace(keys, near=shortages(monitor, keys.q, keys.failures(), placed, CLOSEST, CLOSEST))
     return keys
 
 

@@ -63,6 +63,7 @@ def separate_bodies(
     room: Room,
     reserve: float = RESERVE,
     closest: float = np.inf,
+    apart: float = APART,
 ) -> TrackedPostures:
     """Moves bodies apart that are too near, and hips to where no leg is straight; contacts in place stay.
 
@@ -76,6 +77,7 @@ def separate_bodies(
             in the nominal posture nearly what they have there.
         reserve: length that legs keep unused [m].
         closest: what is enough for bodies that are built to pass each other closely [m].
+        apart: what everything but free arms keeps [m].
     """
     num = len(answer.q)
     chains = {e: _chain(tree, e) for e in (2, 3)}
@@ -86,8 +88,8 @@ def separate_bodies(
         legs, left = _legs(tree, answer.q)
         arm = np.array([[arms.get(int(link), -1) for link in pair] for pair in met.link]).reshape(-1, 2)
         free = ((arm >= 0) & (placed[met.frame[:, None], np.maximum(arm, 0)] < 0)).any(axis=1)
-        apart = monitor.at_most_nominal(met, np.full(len(met), APART), closest)
-        wanted = np.where(free, room.wanted(met), apart)
+        asked = monitor.at_most_nominal(met, np.full(len(met), apart), closest)
+        wanted = np.where(free & (apart == APART), room.wanted(met), asked)
         if closest < np.inf:
             wanted = monitor.at_most_nominal(met, wanted, closest)
         close = np.zeros(num, dtype=bool)
@@ -123,7 +125,12 @@ class Shortage:
 
 
 def shortages(
-    monitor: ProximityMonitor, q: np.ndarray, frames: list[int], placed: np.ndarray, closest: float = np.inf
+    monitor: ProximityMonitor,
+    q: np.ndarray,
+    frames: list[int],
+    placed: np.ndarray,
+    closest: float = np.inf,
+    apart: float = APART,
 ) -> dict[int, Shortage]:
     """The two bodies that fall shortest of what they are asked to keep, by frame; frames without any are left out.
 
@@ -133,15 +140,16 @@ def shortages(
         frames: indices into q, ascending.
         placed: (n, E) contact numbers, not negative where an end effector stands on the terrain.
         closest: what is enough for bodies that are built to pass each other closely [m].
+        apart: what all others keep [m].
     """
-    met = monitor.near(q, frames, APART)
+    met = monitor.near(q, frames, apart)
     met = met.where((met.effector < 0) | (placed[met.frame, met.effector] < 0))
-    apart = monitor.at_most_nominal(met, np.full(len(met), APART), closest)
+    asked = monitor.at_most_nominal(met, np.full(len(met), apart), closest)
     own = ~met.with_terrain
     found: dict[int, Shortage] = {}
-    for k in np.argsort(met.distance - apart, kind="stable"):
-        if met.distance[k] < apart[k] - TOLERATED:
-            worst = Shortage(ordered(met.bodies[k]), float(met.distance[k]), float(apart[k]), bool(own[k]))
+    for k in np.argsort(met.distance - asked, kind="stable"):
+        if met.distance[k] < asked[k] - TOLERATED:
+            worst = Shortage(ordered(met.bodies[k]), float(met.distance[k]), float(asked[k]), bool(own[k]))
             found.setdefault(int(met.frame[k]), worst)
     return found
 
