@@ -47,6 +47,7 @@ class ModelSource:
         changes: frames, welds and collision pairs that the robot file adds.
         slots: further frames to add, by name: those of end effectors that the model has under another name, or lacks.
         key: the robot file's key that holds the changes, for errors.
+        lacking: slots of palms that the robot does not have; their frames sit on its torso.
     """
 
     file: Path
@@ -54,6 +55,7 @@ class ModelSource:
     changes: ModelChanges
     slots: Mapping[str, FrameEntry] = field(default_factory=dict)
     key: str = "changes"
+    lacking: frozenset[str] = frozenset()
 
 
 def package_source(package: PackageEntry, *, source: str, packages: Mapping[str, Path] | None = None) -> ModelSource:
@@ -205,7 +207,8 @@ class _Model:
             f"{key}.one_hull": [b for group in changes.one_hull for b in group],
             f"{key}.ignored_pairs": [b for pair in changes.ignored_pairs for b in pair],
         }
-        bodies |= {f"effectors.{slot}.frame": [f.body] for slot, f in self.origin.slots.items()}
+        for slot, frame in self.origin.slots.items():
+            bodies["torso_body" if slot in self.origin.lacking else f"effectors.{slot}.frame"] = [frame.body]
         for where, names in bodies.items():
             for name in names:
                 if name not in self.links:
@@ -322,6 +325,8 @@ class _Model:
     def _add_frames(self) -> None:
         for name, frame in {**self.changes.frames, **self.origin.slots}.items():
             if name in self.links:
+                if name in self.origin.lacking:  # the model has a palm that the robot file does not use
+                    continue
                 where = f"effectors.{name}" if name in self.origin.slots else f"{self.origin.key}.frames.{name}"
                 raise InputError(f"{self.source}: {where}: the model has a link of that name")
             self.links[name] = etree.SubElement(self.root, "link", name=name)

@@ -37,7 +37,8 @@ def find_model(path: Path, entry: RobotEntry, packages: Mapping[str, Path]) -> P
     slots = _slots(entry, origin.changes)
     if entry.package is None and not slots and entry.changes is None and _loads_alone(origin.file, entry):
         return origin.file
-    origin = ModelSource(origin.file, origin.addresses, _without(origin.changes, entry), slots, origin.key)
+    lacking = frozenset(EFFECTORS) - frozenset(entry.effectors)
+    origin = ModelSource(origin.file, origin.addresses, _without(origin.changes, entry), slots, origin.key, lacking)
     return adapted_model(entry.name, origin, entry.base_body, entry.nominal, source=str(path))
 
 
