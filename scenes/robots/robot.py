@@ -67,7 +67,7 @@ class Robot:
         max_palm_translation: how far a palm moves in one transition [m].
         max_step_height: greatest height between the feet [m].
         foot_separation: least and nominal lateral distance of the feet [m].
-        force_limit: (4,) greatest normal force of each end effector, in multiples of M g.
+        force_limit: (4,) greatest normal force of each end effector, in multiples of M g; a foot's for a missing palm.
         com_reach: (4,) greatest distance of the CoM from each contact [m].
         source: the robot file.
     """
@@ -161,6 +161,7 @@ def _robot(path: Path, entry: RobotEntry, packages: Mapping[str, Path] | None) -
     tree = _read_model(model)
     _check_names(path, entry, tree)
     torso = entry.torso_box
+    described = [entry.effectors.get(n, entry.effectors[EFFECTORS[0]]) for n in EFFECTORS]  # a missing palm: as a foot
     above = (0.0, 0.0, torso.centre[2] + 0.5 * torso.size[2])  # where shoulders would be
     return Robot(
         name=entry.name,
@@ -182,8 +183,8 @@ def _robot(path: Path, entry: RobotEntry, packages: Mapping[str, Path] | None) -
         max_palm_translation=entry.max_palm_translation or 0.0,
         max_step_height=entry.max_step_height,
         foot_separation=entry.foot_separation,
-        force_limit=np.array([e.force_limit if (e := entry.effectors.get(n)) else 0.0 for n in EFFECTORS]),
-        com_reach=np.array([e.com_reach if (e := entry.effectors.get(n)) else 0.0 for n in EFFECTORS]),
+        force_limit=np.array([e.force_limit for e in described]),
+        com_reach=np.array([e.com_reach for e in described]),
         source=path.resolve(),
     )
 
