@@ -16,7 +16,7 @@ import pytest
 from drakeplan.cli import supervisor
 from drakeplan.cli.supervisor import ABORTED, DEFECT, GRACE, NO_PLAN, supervise
 
-PROMPT = 0.3  # [s] beyond the grace, for a machine that is busy
+PROMPT = 0.5  # [s] beyond the grace, for a machine that is busy
 
 
 def deaf() -> None:
