@@ -206,12 +206,13 @@ def nearest_level(
         z: height in W [m].
         off: [m].
     """
-    found = -1
-    level = first[i, j]
+    found, least = -1, off
+    level = int(first[i, j])
     while level > 0:
-        if abs(height[level - 1] - z) <= off:
-            found, off = level - 1, abs(height[level - 1] - z)
-        level = following[level - 1]
+        apart = abs(float(height[level - 1]) - z)
+        if apart <= least:
+            found, least = level - 1, apart
+        level = int(following[level - 1])
     return found
 
 

@@ -93,14 +93,15 @@ def walled_off(
     low, high = heights[reached, 0].min() + LOWEST_PELVIS, heights[reached, 1].max() + leg + abs(robot.hip[1])
     columns = np.argwhere(free)
     free[tuple(columns.T)] = ~solid_columns(packed, x[columns[:, 0]], y[columns[:, 1]], float(low), float(high))
-    regions, _ = label_regions(free, structure=np.ones((3, 3)))
+    regions = np.zeros(free.shape, np.int32)
+    label_regions(free, structure=np.ones((3, 3)), output=regions)
     here, there = start.feet_mean()[:2], np.array(goal.xyz[:2])
     away = np.hypot(x[:, None] - there[0], y[None, :] - there[1]) <= goal.radius + leg
     home = np.hypot(x[:, None] - here[0], y[None, :] - here[1]) <= leg
     if np.intersect1d(regions[home & free], regions[away & free]).size:
         return ""
     line = here + np.linspace(0.0, 1.0, 200)[:, None] * (there - here)
-    names = [solid_at(terrain, packed, *p, 0.5 * (low + high)) for p in line]
+    names = [solid_at(terrain, packed, float(x), float(y), 0.5 * (low + high)) for x, y in line]
     between = next((name for name in names if name), "solids")
     return f"goal unreachable: {between} is between it and the start, and leaves no way for the pelvis"
 
@@ -108,8 +109,11 @@ def walled_off(
 def _plans(terrain: Terrain, feet: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """(n,) outlines of surfaces in the plan view and (n, 2) their least and greatest heights [m]."""
     vertices = [terrain.surfaces[k].vertices for k in feet]
-    plans = np.array([shapely.convex_hull(shapely.multipoints(v[:, :2])) for v in vertices])
-    return plans, np.array([[v[:, 2].min(), v[:, 2].max()] for v in vertices])
+    corners, surface = np.concatenate(vertices), np.repeat(np.arange(len(feet)), [len(v) for v in vertices])
+    first = np.concatenate([[0], np.cumsum([len(v) for v in vertices])[:-1]])
+    z = corners[:, 2]
+    heights = np.column_stack([np.minimum.reduceat(z, first), np.maximum.reduceat(z, first)])
+    return np.asarray(shapely.convex_hull(shapely.linestrings(corners[:, :2], indices=surface))), heights
 
 
 def _connected(
