@@ -63,6 +63,7 @@ class Scene:
         robot: name of a robot, None for the caller's choice.
         disturbances: pushes by region.
         transition_model: name of the foot transition model that it was made for, None for the usual one.
+        origin_offset: what was subtracted from the coordinates of a georeferenced map [m], None where nothing was.
         notes: what was changed while reading it (flipped polygons and the like), one line each.
     """
 
@@ -73,4 +74,5 @@ class Scene:
     robot: str | None = None
     disturbances: tuple[Disturbance, ...] = ()
     transition_model: str | None = None
+    origin_offset: tuple[float, float, float] | None = None
     notes: tuple[str, ...] = ()

@@ -20,6 +20,7 @@ examples:
   drakeplan scenes list
   drakeplan scenes show rubble_corridor --seed 3
   drakeplan scenes show narrow_flat --html strip.html
+  drakeplan scenes show map.stl --picture map.png
   drakeplan scenes export rubble_corridor corridor.yaml --seed 3"""
 
 
@@ -39,6 +40,8 @@ class Arguments:
     """seed of random scenes"""
     html: Annotated[str | None, tyro.conf.arg(metavar="FILE")] = None
     """with show: a page with the terrain, the goal and the disturbances"""
+    picture: Annotated[str | None, tyro.conf.arg(metavar="FILE.png")] = None
+    """with show: the scene from above as it was understood, with areas"""
     json: bool = False
     """one JSON object on standard output"""
 
@@ -52,6 +55,8 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"drakeplan scenes: expected: drakeplan scenes {usage}")
     if arguments.html is not None and arguments.action != "show":
         raise InputError(f"--html: goes with scenes show, not with scenes {arguments.action}")
+    if arguments.picture is not None and arguments.action != "show":
+        raise InputError(f"--picture: goes with scenes show, not with scenes {arguments.action}")
     return {"list": _list, "show": _show, "export": _export}[arguments.action](arguments)
 
 
@@ -71,11 +76,17 @@ def _list(arguments: Arguments) -> int:
 
 
 def _show(arguments: Arguments) -> int:
-    if arguments.html is not None:
+    if arguments.html is not None or arguments.picture is not None:
         from drakeplan.plan.plan_file import require_writable
 
-        require_writable(arguments.html)
+        for file in (arguments.html, arguments.picture):
+            if file is not None:
+                require_writable(file)
     scene = _load(arguments)
+    if arguments.picture is not None:
+        from drakeplan.playback.plan_view import write_plan_view
+
+        write_plan_view(scene, arguments.picture)
     if arguments.html is not None:
         from drakeplan.playback import write_scene_page
 
@@ -86,9 +97,12 @@ def _show(arguments: Arguments) -> int:
 
         print_json(facts)
         return 0
+    del facts["notes"]  # one line each, below
     for key, value in facts.items():
         if value not in (None, []):
             print(f"{key.replace('_', ' '):<12} {_words(value)}")
+    for note in scene.notes:
+        print(f"note         {note}")
     return 0
 
 
@@ -117,14 +131,23 @@ def _load(arguments: Arguments) -> Scene:
 
 
 def _facts(scene: Scene) -> dict[str, object]:
+    import dataclasses
+
+    from scenes.terrain.packed_terrain import pack_terrain
+    from scenes.terrain.usable_area import usable_area
+
     lowest, highest = scene.terrain.extent
     start, goal = scene.start, scene.goal
+    floor = pack_terrain(scene.terrain).floor
+    areas = dataclasses.asdict(usable_area(scene.terrain))
     frictions = [s.friction for s in scene.terrain.surfaces]
     return {
         "name": scene.name,
         "surfaces": len(scene.terrain.surfaces),
         "for_feet": sum(bool(s.allows("left_foot")) for s in scene.terrain.surfaces),
         "for_palms": sum(bool(s.allows("left_palm")) for s in scene.terrain.surfaces),
+        "floors": int((floor < 0).sum() + len(set(floor[floor >= 0].tolist()))),
+        "areas": {f"{key}_m2": round(value, 4) for key, value in areas.items()},
         "friction": sorted(set(frictions)),
         "obstacles": len(scene.terrain.obstacles),
         "triangles": len(scene.terrain.triangles),
@@ -134,6 +157,7 @@ def _facts(scene: Scene) -> dict[str, object]:
         "goal": None if goal is None else {"xyz": list(goal.xyz), "radius": goal.radius, "yaw": goal.yaw},
         "robot": scene.robot,
         "disturbances": len(scene.disturbances),
+        "origin_offset": None if scene.origin_offset is None else list(scene.origin_offset),
         "notes": list(scene.notes),
     }
 

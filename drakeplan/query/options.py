@@ -16,6 +16,7 @@ from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
+from scenes.terrain.georeference import to_local
 
 MOST_FRICTION = 10.0  # above this the programs lose accuracy, and no real material has it
 
@@ -91,6 +92,7 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
         x, y, *heading = options.start
+        x, y = to_local([x, y], scene.origin_offset and scene.origin_offset[:2]).tolist()
         start = Start((x, y, float("nan")), heading[0] if heading else 0.0)  # the floors there say how high
     if options.start_z is not None and start is not None:
         if start.stance:
@@ -99,6 +101,7 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
     radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
     if options.goal is not None:
         x, y, *heading = options.goal
+        x, y = to_local([x, y], scene.origin_offset and scene.origin_offset[:2]).tolist()
         goal = Goal((x, y, float("nan")), radius, heading[0] if heading else None)
     elif goal is not None:
         goal = dataclasses.replace(goal, radius=radius)

@@ -7,6 +7,7 @@ two together again. Read alone, such surfaces are plates like any other, and a n
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,11 @@ from scenes.effector import EFFECTORS, is_foot
 from scenes.files.scene_schema import (
     ContactEntry,
     DisturbanceEntry,
+    HeightMapEntry,
     MeshEntry,
     ObstacleEntry,
     PoseEntry,
+    SceneEntry,
     StartEntry,
     SurfaceEntry,
     parse_scene,
@@ -27,10 +30,12 @@ from scenes.files.scene_schema import (
 from scenes.files.scene_writer import scene_to_yaml, write_scene
 from scenes.files.strict_yaml import load_yaml, read_text
 from scenes.input_error import InputError, unknown_name
-from scenes.meshes.mesh_import import MESH_PREFIX, MeshImport, check_up_axis, import_mesh, mesh_name
+from scenes.meshes.height_map import import_height_map
+from scenes.meshes.mesh_import import MESH_PREFIX, ImportedMesh, MeshImport, check_up_axis, import_mesh, mesh_name
 from scenes.meshes.mesh_path import mesh_path
 from scenes.pose import pose_matrix
 from scenes.scene import Goal, Scene, Start
+from scenes.terrain.georeference import FAR, is_far, offset_for, offset_note, to_local
 from scenes.terrain.polygon import flattened
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain, TriangleMesh
@@ -77,6 +82,7 @@ def scene_from_yaml(
     """
     entry = parse_scene(load_yaml(text, source), source)
     notes: list[str] = []
+    entry, offset = _localised(entry, notes)
     surfaces = [_surface(e, i, entry.friction, source, notes) for i, e in enumerate(entry.surfaces)]
     flags = [False] * len(surfaces)
     obstacles: list[Box | TriangleMesh] = [_box(e, i) for i, e in enumerate(entry.obstacles)]
@@ -91,9 +97,13 @@ def scene_from_yaml(
             notes.append(
                 f"{count} surfaces called {MESH_PREFIX}... come from mesh files that are not listed: used as plates of 2 cm"
             )
-    imported = _meshes(entry.meshes, entry.friction, source, folder)
+    given = offset
+    imported, offset = _meshes(entry.meshes, entry.friction, source, folder, offset)
+    if given is None and offset is not None:
+        entry, _ = _localised(entry, notes, offset)  # start and goal of a mesh that has told its offset
     if imported and not any(surface.allows("left_foot") for surface in surfaces):
-        check_up_axis(tuple(m.obstacle for m in imported))
+        check_up_axis(tuple(m.obstacle for m in imported if isinstance(m.obstacle, ImportedMesh)))
+    imported += _height_maps(entry.heightmaps, entry.friction, source, folder, offset)
     for mesh in imported:
         obstacles.append(mesh.obstacle)
         surfaces += mesh.surfaces
@@ -104,6 +114,12 @@ def scene_from_yaml(
     if not surfaces:
         raise InputError(f"{source}: surfaces: expected at least one, listed here or from a mesh")
     terrain = Terrain(tuple(surfaces), tuple(obstacles), tuple(flags))
+    if terrain_reach(terrain) > FAR:
+        raise InputError(
+            f"{source}: reaches {terrain_reach(terrain):.3g} m from its origin, expected at most 100 km; "
+            "give an origin_offset in the middle of the map"
+        )
+    _note_degrees(entry, notes)
     goal = entry.goal and Goal(_place(entry.goal.xyz), entry.goal.radius, entry.goal.yaw)
     return Scene(
         name=entry.name or name,
@@ -112,8 +128,67 @@ def scene_from_yaml(
         goal=goal,
         robot=entry.robot,
         disturbances=tuple(_disturbance(e) for e in entry.disturbances),
+        origin_offset=offset,
         notes=tuple(f"{source}: {note}" for note in notes),
     )
+
+
+def _localised(
+    entry: SceneEntry, notes: list[str], offset: tuple[float, float, float] | None = None
+) -> tuple[SceneEntry, tuple[float, float, float] | None]:
+    """The entries without the offset of a georeferenced map, and the offset: given, or found where surfaces need one."""
+    offset = offset or entry.origin_offset
+    far = [v for surface in entry.surfaces for v in surface.vertices if abs(v[0]) > FAR or abs(v[1]) > FAR]
+    far += [box.pose.xyz for box in entry.obstacles if is_far(box.pose.xyz)]
+    far += [(*m.origin, 0.0) for m in entry.heightmaps if is_far(m.origin)]
+    if offset is None and far:
+        offset = offset_for(np.array(far))
+        notes.append(offset_note(offset))
+    if offset is None:
+        return entry, None
+
+    def local(xyz: Sequence[float]) -> tuple[float, float, float]:
+        x, y, z = to_local(np.array(xyz, float), offset).tolist()
+        return x, y, z
+
+    def moved(pose: PoseEntry) -> PoseEntry:
+        return pose.model_copy(update={"xyz": local(pose.xyz)})
+
+    surfaces = [
+        s.model_copy(update={"vertices": [tuple(v) for v in to_local(np.array(s.vertices, float), offset).tolist()]})
+        for s in entry.surfaces
+    ]
+    boxes = [box.model_copy(update={"pose": moved(box.pose)}) for box in entry.obstacles]
+    disturbances = [
+        d
+        if d.region is None
+        else d.model_copy(update={"region": d.region.model_copy(update={"pose": moved(d.region.pose)})})
+        for d in entry.disturbances
+    ]
+    start, goal = entry.start, entry.goal
+    if start is not None and start.xyz is not None:
+        start = start.model_copy(update={"xyz": local(start.xyz)})
+    if start is not None and start.stance is not None:
+        held = {e: c.model_copy(update={"xyz": local(c.xyz)}) for e, c in start.stance if c is not None}
+        start = start.model_copy(update={"stance": start.stance.model_copy(update=held)})
+    if goal is not None:
+        goal = goal.model_copy(update={"xyz": local(goal.xyz)})
+    update = {"surfaces": surfaces, "obstacles": boxes, "disturbances": disturbances, "start": start, "goal": goal}
+    return entry.model_copy(update=update), offset
+
+
+def _note_degrees(entry: SceneEntry, notes: list[str]) -> None:
+    for key, end in (("start", entry.start), ("goal", entry.goal)):
+        if end is not None and end.yaw is not None and abs(end.yaw) > 2 * np.pi:
+            notes.append(
+                f"{key}.yaw: {end.yaw:g} rad is more than a turn, as if it were in degrees: files hold radians, "
+                f"{end.yaw:g} deg are {np.deg2rad(end.yaw):.4g} rad"
+            )
+
+
+def terrain_reach(terrain: Terrain) -> float:
+    """How far out the terrain's farthest coordinate lies [m]."""
+    return float(np.abs(terrain.extent).max())
 
 
 def _pose(pose: PoseEntry) -> np.ndarray:
@@ -184,7 +259,14 @@ def _without_boxes(triangles: np.ndarray, obstacles: list[Box | TriangleMesh]) -
     return triangles[keep]
 
 
-def _meshes(entries: list[MeshEntry], friction: float, source: str, folder: Path | None) -> list[MeshImport]:
+def _meshes(
+    entries: list[MeshEntry],
+    friction: float,
+    source: str,
+    folder: Path | None,
+    offset: tuple[float, float, float] | None,
+) -> tuple[list[MeshImport], tuple[float, float, float] | None]:
+    """The meshes, and the offset that was given or that the first georeferenced one has told."""
     imported, names = [], set()
     for i, entry in enumerate(entries):
         where = f"{source}: meshes[{i}].file"
@@ -196,9 +278,44 @@ def _meshes(entries: list[MeshEntry], friction: float, source: str, folder: Path
         names.add(name)
         scale = entry.scale if "scale" in entry.model_fields_set else None
         try:
+            mesh = import_mesh(
+                path,
+                reference=entry.file,
+                name=name,
+                X_WM=_pose(entry.pose),
+                scale=scale,
+                friction=friction,
+                origin_offset=offset,
+            )
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        offset = offset or mesh.origin_offset
+        imported.append(mesh)
+    return imported, offset
+
+
+def _height_maps(
+    entries: list[HeightMapEntry],
+    friction: float,
+    source: str,
+    folder: Path | None,
+    offset: tuple[float, float, float] | None,
+) -> list[MeshImport]:
+    imported = []
+    for i, entry in enumerate(entries):
+        where = f"{source}: heightmaps[{i}].file"
+        path = mesh_path(entry.file, folder, where)
+        shift = offset[:2] if offset is not None and is_far(entry.origin) else (0.0, 0.0)
+        try:
             imported.append(
-                import_mesh(
-                    path, reference=entry.file, name=name, X_WM=_pose(entry.pose), scale=scale, friction=friction
+                import_height_map(
+                    path,
+                    reference=entry.file,
+                    name=f"{mesh_name(path)}_map{i}" if i else f"{mesh_name(path)}_map",
+                    resolution=entry.resolution,
+                    origin=entry.origin,
+                    friction=friction if entry.friction is None else entry.friction,
+                    shift=shift,
                 )
             )
         except InputError as error:

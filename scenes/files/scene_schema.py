@@ -16,7 +16,9 @@ VERSION = 1
 FAR = 1e5  # [m] no coordinate is farther out; beyond it doubles lose the micrometre
 MAX_CORNERS = 100
 
+GEOREFERENCED = 1e8  # [m] no easting or northing is larger
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FAR, le=FAR)]
+Easting = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-GEOREFERENCED, le=GEOREFERENCED)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=FAR)]
 Friction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=10)]
 Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
@@ -29,7 +31,8 @@ def _open_height(place: object) -> object:
     return [*place, None] if isinstance(place, list) and len(place) == 2 else place
 
 
-Place = Annotated[tuple[Number, Number, Number | None], BeforeValidator(_open_height)]
+# may be georeferenced: see scenes.terrain.georeference
+Place = Annotated[tuple[Easting, Easting, Number | None], BeforeValidator(_open_height)]
 Effector = Literal["left_foot", "right_foot", "left_palm", "right_palm"]
 
 
@@ -40,7 +43,7 @@ class _Strict(BaseModel):
 class PoseEntry(_Strict):
     """A pose: xyz [m] and rpy [rad]."""
 
-    xyz: Triple = (0.0, 0.0, 0.0)
+    xyz: Place = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
@@ -48,7 +51,7 @@ class SurfaceEntry(_Strict):
     """A convex planar polygon, counter-clockwise seen from outside [m]."""
 
     name: Name | None = None
-    vertices: Annotated[list[Triple], Field(min_length=3, max_length=MAX_CORNERS)]
+    vertices: Annotated[list[Place], Field(min_length=3, max_length=MAX_CORNERS)]
     normal: Triple | None = None
     friction: Friction | None = None
     contact: list[Effector] | None = None
@@ -60,6 +63,15 @@ class MeshEntry(_Strict):
     file: Name
     pose: PoseEntry = PoseEntry()
     scale: Positive = 1.0
+
+
+class HeightMapEntry(_Strict):
+    """An npz file with an array `height` [m], the edge of its cells, where its first height lies, and its friction."""
+
+    file: Name
+    resolution: Positive
+    origin: tuple[Easting, Easting] = (0.0, 0.0)
+    friction: Friction | None = None
 
 
 class ObstacleEntry(_Strict):
@@ -89,7 +101,7 @@ class ContactEntry(_Strict):
     """One end effector on one surface."""
 
     surface: Name
-    xyz: Triple
+    xyz: Place
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
@@ -128,6 +140,8 @@ class SceneEntry(_Strict):
     friction: Friction = 0.5
     surfaces: list[SurfaceEntry] = []
     meshes: list[MeshEntry] = []
+    origin_offset: Place | None = None
+    heightmaps: list[HeightMapEntry] = []
     obstacles: list[ObstacleEntry] = []
     disturbances: list[DisturbanceEntry] = []
     start: StartEntry | None = None
@@ -212,6 +226,7 @@ def _model_at(path: list[str | int]) -> type[_Strict]:
     models: dict[str, type[_Strict]] = {
         "surfaces": SurfaceEntry,
         "meshes": MeshEntry,
+        "heightmaps": HeightMapEntry,
         "obstacles": ObstacleEntry,
         "disturbances": DisturbanceEntry,
         "pose": PoseEntry,

@@ -58,4 +58,4 @@ def _scene_of_mesh(name: str, path: Path, reference: str) -> Scene:
     if not any(surface.allows("left_foot") for surface in mesh.surfaces):
         raise InputError(f"{path}: no surface to stand on: no flat region faces up and is wide enough")
     terrain = Terrain(mesh.surfaces, (mesh.obstacle,), (True,) * len(mesh.surfaces))
-    return Scene(name, terrain, notes=mesh.notes)
+    return Scene(name, terrain, origin_offset=mesh.origin_offset, notes=mesh.notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 from collections import Counter
@@ -15,6 +16,7 @@ from scenes.effector import EFFECTORS
 from scenes.files.scene_schema import FORMAT, VERSION
 from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
+from scenes.meshes.height_map import ImportedHeightMap
 from scenes.meshes.mesh_import import MESH_PREFIX, ImportedMesh
 from scenes.meshes.mesh_path import PACKAGE_SCHEME
 from scenes.pose import rotation_rpy
@@ -49,6 +51,8 @@ def scene_to_yaml(scene: Scene, *, meshes_as_surfaces: bool = False, folder: Pat
     Raises:
         InputError: a mesh did not come from a file, its surfaces differ in friction, or its file is not in `folder`.
     """
+    if scene.origin_offset is not None and not meshes_as_surfaces:
+        scene = _georeferenced(scene, np.array(scene.origin_offset))
     terrain = scene.terrain
     meshes = [o for o in terrain.obstacles if not isinstance(o, Box)]
     listed = [(surface, of_mesh) for surface, of_mesh in _flagged(terrain) if meshes_as_surfaces or not of_mesh]
@@ -57,10 +61,17 @@ def scene_to_yaml(scene: Scene, *, meshes_as_surfaces: bool = False, folder: Pat
     if scene.robot is not None:
         lines.append(f"robot: {_text(scene.robot)}")
     lines.append(f"friction: {_number(friction)}")
+    if scene.origin_offset is not None:
+        lines.append(f"origin_offset: {_list(scene.origin_offset)}")
     if listed:
         lines += ["surfaces:", *(f"  - {_surface_text(s, of_mesh, friction)}" for s, of_mesh in listed)]
     if meshes and not meshes_as_surfaces:
-        lines += ["meshes:", *(f"  - {_mesh_text(mesh, folder)}" for mesh in meshes)]
+        maps = [mesh for mesh in meshes if isinstance(mesh, ImportedHeightMap)]
+        files = [mesh for mesh in meshes if not isinstance(mesh, ImportedHeightMap)]
+        if files:
+            lines += ["meshes:", *(f"  - {_mesh_text(mesh, folder)}" for mesh in files)]
+        if maps:
+            lines += ["heightmaps:", *(f"  - {_map_text(mesh, folder)}" for mesh in maps)]
     boxes = [o for o in terrain.obstacles if isinstance(o, Box)]
     if boxes:
         lines.append("obstacles:")
@@ -81,7 +92,8 @@ def _flagged(terrain: Terrain) -> Iterable[tuple[Surface, bool]]:
 
 def _common_friction(scene: Scene, *, by_file: bool) -> float:
     """The friction most surfaces have; where meshes are written as files, the one that all their surfaces have."""
-    flagged = [surface.friction for surface, of_mesh in _flagged(scene.terrain) if of_mesh]
+    own = tuple(f"{MESH_PREFIX}{o.name}/" for o in scene.terrain.obstacles if isinstance(o, ImportedHeightMap))
+    flagged = [s.friction for s, of_mesh in _flagged(scene.terrain) if of_mesh and not s.name.startswith(own)]
     if by_file and flagged:
         if len(set(flagged)) > 1:
             raise InputError(
@@ -111,12 +123,53 @@ def _surface_text(surface: Surface, of_mesh: bool, friction: float) -> str:
 def _mesh_text(mesh: TriangleMesh, folder: Path | None) -> str:
     if not isinstance(mesh, ImportedMesh):
         raise InputError(f"mesh {mesh.name!r} has no file, so a scene file cannot refer to it")
+    file = _file_text(mesh, folder)
+    return f"{{file: {file}, pose: {_pose_text(mesh.X_WM)}, scale: {_number(mesh.scale)}}}"
+
+
+def _map_text(mesh: ImportedHeightMap, folder: Path | None) -> str:
+    file, friction = _file_text(mesh, folder), _number(mesh.friction)
+    return (
+        f"{{file: {file}, resolution: {_number(mesh.resolution)}, origin: {_list(mesh.origin)}, friction: {friction}}}"
+    )
+
+
+def _file_text(mesh: ImportedMesh | ImportedHeightMap, folder: Path | None) -> str:
     file = mesh.reference
     if folder is not None and not file.startswith(PACKAGE_SCHEME):
         file = os.path.relpath(mesh.path, folder).replace(os.sep, "/")
         if file.startswith("../"):
             raise InputError(f"{mesh.path}: expected in the folder of the scene file or below, {folder.absolute()}")
-    return f"{{file: {_text(file)}, pose: {_pose_text(mesh.X_WM)}, scale: {_number(mesh.scale)}}}"
+    return _text(file)
+
+
+def _georeferenced(scene: Scene, offset: np.ndarray) -> Scene:
+    """The scene with its offset added again; meshes and height maps keep the poses and origins that their files need."""
+    X = np.eye(4)
+    X[:3, 3] = offset
+
+    def there(xyz: Iterable[float]) -> tuple[float, float, float]:
+        x, y, z = (np.array(tuple(xyz)) + offset).tolist()
+        return x, y, z
+
+    terrain = scene.terrain
+    surfaces = tuple(dataclasses.replace(s, vertices=s.vertices + offset) for s in terrain.surfaces)
+    obstacles = tuple(dataclasses.replace(o, X_WO=X @ o.X_WO) if isinstance(o, Box) else o for o in terrain.obstacles)
+    disturbances = tuple(
+        d if d.box_size is None else dataclasses.replace(d, X_WR=X @ (np.eye(4) if d.X_WR is None else d.X_WR))
+        for d in scene.disturbances
+    )
+    start, goal = scene.start, scene.goal
+    if start is not None:
+        stance = tuple(dataclasses.replace(c, X_WC=X @ c.X_WC) for c in start.stance)
+        start = dataclasses.replace(start, xyz=there(start.xyz), stance=stance)
+    return dataclasses.replace(
+        scene,
+        terrain=Terrain(surfaces, obstacles, terrain.surfaces_of_meshes),
+        disturbances=disturbances,
+        start=start,
+        goal=None if goal is None else dataclasses.replace(goal, xyz=there(goal.xyz)),
+    )
 
 
 def _disturbance_text(disturbance: Disturbance) -> str:

@@ -14,6 +14,7 @@ from scenes.meshes.mesh_file import drop_degenerate, read_mesh
 from scenes.meshes.mesh_orientation import single_faces, turn_outward
 from scenes.meshes.planar_regions import planar_regions
 from scenes.meshes.rough_ground import fit_rough_ground
+from scenes.terrain.georeference import is_far, offset_for, offset_note, to_local
 from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import PALM_TILT, Surface
 from scenes.terrain.terrain import TriangleMesh
@@ -21,6 +22,7 @@ from scenes.terrain.terrain import TriangleMesh
 NARROWEST = 0.04  # [m] no sole or palm is narrower, so nothing narrower can be stood or leant on
 MESH_PREFIX = "mesh:"  # surfaces cut out of a mesh are called mesh:<mesh>/<number>
 LARGEST = 200.0  # [m] a mesh larger than this is more likely in millimetres
+COARSE = 1e-3  # [m] coordinates farther apart than this make steps of flat ground
 Y_UP_RATIO = 6.0  # a terrain with this much more area facing +y than +z is more likely y-up
 
 
@@ -49,11 +51,13 @@ class MeshImport:
         obstacle: the mesh, for collision.
         surfaces: the flat parts that a sole or a palm can use by their tilt and width.
         notes: what was changed on the way, one line each.
+        origin_offset: what was subtracted from georeferenced coordinates [m], None where they were local.
     """
 
-    obstacle: ImportedMesh
+    obstacle: TriangleMesh
     surfaces: tuple[Surface, ...]
     notes: tuple[str, ...] = ()
+    origin_offset: tuple[float, float, float] | None = None
 
 
 def import_mesh(
@@ -64,6 +68,7 @@ def import_mesh(
     X_WM: np.ndarray | None = None,
     scale: float | None = None,
     friction: float = 0.5,
+    origin_offset: tuple[float, float, float] | None = None,
 ) -> MeshImport:
     """Reads a mesh and cuts surfaces out of it.
 
@@ -78,6 +83,7 @@ def import_mesh(
         X_WM: (4, 4) pose of the mesh's frame in W.
         scale: factor from the file's unit to metres; None means 1 and that the size is checked.
         friction: of every surface [-].
+        origin_offset: subtracted from georeferenced coordinates [m]; None: one is found where it is needed.
 
     Raises:
         InputError: the file cannot be used, or its size says that it is in millimetres.
@@ -87,6 +93,7 @@ def import_mesh(
     with np.errstate(over="ignore"):
         triangles = triangles * (1.0 if scale is None else scale)
         triangles = triangles @ X_WM[:3, :3].T + X_WM[:3, 3]
+    triangles, origin_offset, moved = _without_offset(triangles, path, origin_offset)
     _check_size(triangles, path, scale)
     triangles = drop_degenerate(triangles)
     if len(triangles) == 0:
@@ -96,7 +103,25 @@ def import_mesh(
     name = mesh_name(path) if name is None else name
     triangles, surfaces, fitted = surfaces_of_mesh(triangles, name, friction)
     obstacle = ImportedMesh(name, triangles, reference or path.name, path, X_WM, 1.0 if scale is None else scale)
-    return MeshImport(obstacle, surfaces, tuple(f"{path.name}: {note}" for note in (*halved, *turned, *fitted)))
+    notes = tuple(f"{path.name}: {note}" for note in (*moved, *halved, *turned, *fitted))
+    return MeshImport(obstacle, surfaces, notes, origin_offset)
+
+
+def _without_offset(
+    triangles: np.ndarray, path: Path, offset: tuple[float, float, float] | None
+) -> tuple[np.ndarray, tuple[float, float, float] | None, tuple[str, ...]]:
+    """The triangles without the offset where they are georeferenced, the offset (None where not), and what is said."""
+    points = triangles.reshape(-1, 3)
+    if not np.isfinite(points).all() or not is_far(points):
+        return triangles, None, ()
+    notes = ()
+    if offset is None:
+        offset = offset_for(points)
+        notes = (offset_note(offset),)
+    spacing = float(np.spacing(np.float32(np.abs(points).max())))
+    if path.suffix.lower() == ".stl" and spacing > COARSE:
+        notes += (f"its single precision resolves {spacing:.2g} m this far out; export it about a local origin",)
+    return to_local(triangles, offset), offset, notes
 
 
 def surfaces_of_mesh(
@@ -154,7 +179,10 @@ def _check_size(triangles: np.ndarray, path: Path, scale: float | None) -> None:
     points = triangles.reshape(-1, 3)
     extent = float((points.max(axis=0) - points.min(axis=0)).max())
     if not np.isfinite(extent) or np.abs(points).max() > 1e5:
-        raise InputError(f"{path}: reaches {np.abs(points).max():.3g} m from the origin, expected at most 100 km")
+        raise InputError(
+            f"{path}: reaches {np.abs(points).max():.3g} m from the origin, expected at most 100 km; "
+            "move it nearer with pose or origin_offset in a scene file"
+        )
     if scale is None and extent > LARGEST:
         raise InputError(
             f"{path}: {extent:.0f} m across, as if it were in millimetres: list it under meshes in a scene file with "

@@ -416,3 +416,24 @@ def test_a_deadline_of_a_millisecond_is_exit_3_with_that_reason(capsys: pytest.C
     said = capsys.readouterr()
     assert "deadline" in json.loads(said.out)["reason"]
     assert "deadline" in said.err.splitlines()[-1]
+
+
+def test_scenes_show_draws_what_was_understood_and_names_areas_floors_and_notes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiles = "".join(
+        f"  - {{name: t{x}, vertices: [[{x},0,0],[{x + 1},0,0],[{x + 1},1,0.002],[{x},1,0]]}}\n" for x in range(3)
+    )
+    wall = "  - {name: wall, vertices: [[0,1,0],[3,1,0],[3,1,2],[0,1,2]]}\n"
+    head = "format: drakeplan-scene\nversion: 1\nstart: {xyz: [0.5, 0.5, 0]}\ngoal: {xyz: [2.5, 0.5, 0]}\nsurfaces:\n"
+    (tmp_path / "map.yaml").write_text(head + tiles + wall)
+    picture = tmp_path / "map.png"
+    assert main(["scenes", "show", str(tmp_path / "map.yaml"), "--picture", str(picture)]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    shown = capsys.readouterr().out
+    assert "floors       2" in shown
+    assert "walkable_m2 3" in shown
+    assert "palms_m2 6" in shown
+    assert shown.count("note         ") == 3
+    assert main(["scenes", "list", "--picture", str(picture)]) == 2
+    assert "--picture: goes with scenes show" in one_line(capsys)
