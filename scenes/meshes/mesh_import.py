@@ -138,7 +138,7 @@ def surfaces_of_mesh(
     exact, pieces = triangles, []
     rough = fit_rough_ground(triangles, min_width=NARROWEST, max_tilt=PALM_TILT[1])
     if rough is not None:
-        triangles, exact = rough.triangles, rough.triangles[~rough.rough]
+        exact, triangles = rough.others, np.concatenate([rough.others, rough.body])
         for region in rough.regions:
             pieces += [region.lift(corners) for corners in convex_pieces(region.outline)]
         notes = (

@@ -2,8 +2,8 @@
 
 Facets of such meshes tilt this way and that, by 10 to 30 deg where cells of 2 cm have 1 cm of noise: no two lie in one
 plane. Planes are fitted to vertices instead. A region grows over the mesh's edges from where the ground is flattest, takes
-vertices near its plane, fits the plane to them and grows again until it takes no more. Its vertices are then moved onto
-the plane, so that body and surface agree.
+vertices near its plane, fits the plane to them and grows again until it takes no more. The mesh is then flattened there, so
+that body and surface agree, and needs few triangles.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.
@@ -20,6 +20,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
+from scenes.meshes.mesh_file import MIN_TRIANGLE
 from scenes.meshes.mesh_orientation import Bodies, row_numbers
 from scenes.meshes.planar_regions import Region, buried_part, plane_axes
 from scenes.terrain.polygon import area_vectors
@@ -43,8 +44,8 @@ class RoughGround:
     """What became of a mesh's rough bodies.
 
     Attributes:
-        triangles: (K, 3, 3) of the whole mesh, those in fitted regions flattened [m].
-        rough: (K,) bool, the triangles of rough bodies.
+        others: (K, 3, 3) the triangles of bodies that are not rough [m].
+        body: (L, 3, 3) the rough bodies: fitted regions as flat polygons in few triangles, the other cells as they were [m].
         regions: the planes that were fitted, as far as they are wide enough and do not face down too much.
         tolerance: greatest distance of a vertex from its plane [m].
         rms: root mean square of the distances by which vertices were moved [m].
@@ -52,8 +53,8 @@ class RoughGround:
         fitted: share of the rough bodies' usable area that lies in regions.
     """
 
-    triangles: np.ndarray
-    rough: np.ndarray
+    others: np.ndarray
+    body: np.ndarray
     regions: tuple[Region, ...]
     tolerance: float
     rms: float
@@ -110,6 +111,7 @@ def fit_rough_ground(triangles: np.ndarray, *, min_width: float, max_tilt: float
     others = triangles[~rough]
     regions: list[Region] = []
     kept = np.zeros(len(planes), bool)
+    plates: list[np.ndarray] = []
     for number, outlines in _outlines(corner, owner, points, planes):
         origin, axes = planes[number, :3], plane_axes(planes[number, 3:])
         if axes[2, 2] < np.cos(max_tilt) - 1e-9:
@@ -122,18 +124,20 @@ def fit_rough_ground(triangles: np.ndarray, *, min_width: float, max_tilt: float
                 if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
                     regions.append(Region(part, origin, axes))
                     kept[number] = True
+        if kept[number]:
+            plates += [_facets(outline, origin, axes) for outline in outlines]
     held = (region >= 0) & kept[region]
     off = np.zeros(len(points))
     off[held] = ((points[held] - planes[region[held], :3]) * planes[region[held], 3:]).sum(axis=1)
     flat = points - off[:, None] * planes[np.maximum(region, 0), 3:]
-    moved = np.array(triangles)
-    moved[rough] = flat[corner]
     fitted = float(area[rough][(owner >= 0) & kept[owner] & usable[rough]].sum() / area[rough & usable].sum())
     if fitted < FITTED:
         return None
+    cells = flat[corner[~((owner >= 0) & kept[owner])]]
+    cells = cells[np.linalg.norm(area_vectors(cells), axis=1) > 2 * MIN_TRIANGLE]
     return RoughGround(
-        moved,
-        rough,
+        others,
+        np.concatenate([*plates, cells]),
         tuple(regions),
         tolerance,
         float(np.sqrt(np.mean(off[held] ** 2))) if held.any() else 0.0,
@@ -338,6 +342,19 @@ def _outlines(
         shape = shapely.build_area(shapely.multilinestrings([segments])[0])
         outlines.append((k, shapely.get_parts(shape)))
     return outlines
+
+
+def _facets(outline: Polygon, origin: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """(K, 3, 3) triangles that fill an outline of a plane, with its corners and no others [m].
+
+    Args:
+        outline: in the plane's axes [m].
+        origin: (3,) where those start [m].
+        axes: (3, 3) rows: the two axes of the plane and its normal.
+    """
+    parts = shapely.orient_polygons(shapely.get_parts(shapely.constrained_delaunay_triangles(outline)))
+    corners = np.array([shapely.get_coordinates(part)[:3] for part in parts[shapely.area(parts) > MIN_TRIANGLE]])
+    return origin + corners.reshape(-1, 3, 2) @ axes[:2]
 
 
 def _plain(outline: Polygon, cell: float) -> shapely.geometry.base.BaseGeometry:

@@ -8,6 +8,7 @@ import shapely
 
 from scenes.meshes.mesh_import import surfaces_of_mesh
 from scenes.meshes.rough_ground import TOLERANCE, RoughGround, fit_rough_ground
+from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import PALM_TILT
 
 CELL = 0.02  # [m]
@@ -48,8 +49,12 @@ def test_level_and_sloping_ground_with_noise_is_one_plane_close_to_the_true_one(
 def test_the_flattened_mesh_lies_in_the_planes_of_its_regions() -> None:
     ground = fit(noise(0.005))
     (region,) = ground.regions
-    off = (ground.triangles.reshape(-1, 3) - region.origin) @ region.axes[2]
+    off = (ground.body.reshape(-1, 3) - region.origin) @ region.axes[2]
     assert np.abs(off).max() < 1e-9
+    doubled = area_vectors(ground.body)
+    assert (doubled @ region.axes[2]).min() > 0
+    assert np.linalg.norm(doubled, axis=1).sum() / 2 == pytest.approx(74 * 49 * CELL**2, rel=0.01)
+    assert len(ground.body) < 2 * (75 + 50) * 1.1  # a triangle for each corner of the rim
 
 
 @pytest.mark.parametrize("wavelength", [0.25, 0.5, 1.0])
