@@ -28,6 +28,7 @@ def write_plan_view(scene: Scene, path: str | Path) -> None:
     Raises:
         InputError: the picture cannot be written there.
     """
+    from matplotlib.artist import Artist
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # 0.5 s that no other command needs
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
@@ -52,7 +53,7 @@ def write_plan_view(scene: Scene, path: str | Path) -> None:
             PolyCollection(shapes, facecolors=colour, edgecolors="black", linewidths=0.3, alpha=0.85, zorder=layer)
         )
     ignored = areas.unused + areas.narrow + areas.steep + areas.downward
-    legend = [
+    legend: list[Artist] = [
         Patch(color=WALKABLE, label=f"walkable {areas.walkable:.2f} m²"),
         Patch(color=PALMS, label=f"for palms {areas.palms:.2f} m²"),
         Patch(

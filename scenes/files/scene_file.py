@@ -31,7 +31,7 @@ from scenes.files.scene_writer import scene_to_yaml, write_scene
 from scenes.files.strict_yaml import load_yaml, read_text
 from scenes.input_error import InputError, unknown_name
 from scenes.meshes.height_map import import_height_map
-from scenes.meshes.mesh_import import MESH_PREFIX, ImportedMesh, MeshImport, check_up_axis, import_mesh, mesh_name
+from scenes.meshes.mesh_import import MESH_PREFIX, MeshImport, check_up_axis, import_mesh, mesh_name
 from scenes.meshes.mesh_path import mesh_path
 from scenes.pose import pose_matrix
 from scenes.scene import Goal, Scene, Start
@@ -102,7 +102,7 @@ def scene_from_yaml(
     if given is None and offset is not None:
         entry, _ = _localised(entry, notes, offset)  # start and goal of a mesh that has told its offset
     if imported and not any(surface.allows("left_foot") for surface in surfaces):
-        check_up_axis(tuple(m.obstacle for m in imported if isinstance(m.obstacle, ImportedMesh)))
+        check_up_axis(m.obstacle for m in imported)
     imported += _height_maps(entry.heightmaps, entry.friction, source, folder, offset)
     for mesh in imported:
         obstacles.append(mesh.obstacle)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -158,12 +159,13 @@ def mesh_name(path: Path) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem) or "mesh"
 
 
-def check_up_axis(meshes: tuple[ImportedMesh, ...]) -> None:
-    """Refuses meshes that lie on their side; to be asked only where they are all the ground there is.
+def check_up_axis(obstacles: Iterable[TriangleMesh]) -> None:
+    """Refuses meshes of files that lie on their side; to be asked only where they are all the ground there is.
 
     Raises:
         InputError: much more area faces +y than +z, as in files of programs whose up is y.
     """
+    meshes = [obstacle for obstacle in obstacles if isinstance(obstacle, ImportedMesh)]
     normals = [area_vectors(m.faces) / 2 for m in meshes]
     for mesh, doubled in zip(meshes, normals, strict=True):
         area = np.linalg.norm(doubled, axis=1)

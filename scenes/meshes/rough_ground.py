@@ -339,7 +339,7 @@ def _outlines(
             continue
         axes = plane_axes(planes[k, 3:])[:2]
         segments = (points[np.stack([tail[edges], head[edges]], axis=1)] - planes[k, :3]) @ axes.T
-        shape = shapely.build_area(shapely.multilinestrings([segments])[0])
+        shape = shapely.build_area(shapely.multilinestrings(shapely.linestrings(segments)))
         outlines.append((k, shapely.get_parts(shape)))
     return outlines
 

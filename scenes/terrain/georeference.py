@@ -26,7 +26,7 @@ def offset_for(points: np.ndarray) -> tuple[float, float, float]:
     return float(x), float(y), 0.0
 
 
-def to_local(points: np.ndarray, offset: Sequence[float] | None) -> np.ndarray:
+def to_local(points: np.ndarray | Sequence[float], offset: Sequence[float] | None) -> np.ndarray:
     """(..., 3) the points without the offset where they are georeferenced, else as they are [m].
 
     Args:
