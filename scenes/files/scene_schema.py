@@ -31,7 +31,7 @@ def _open_height(place: object) -> object:
     return [*place, None] if isinstance(place, list) and len(place) == 2 else place
 
 
-# may be georeferenced: see scenes.terrain.georeference
+Point = tuple[Easting, Easting, Number]  # may be georeferenced: see scenes.terrain.georeference
 Place = Annotated[tuple[Easting, Easting, Number | None], BeforeValidator(_open_height)]
 Effector = Literal["left_foot", "right_foot", "left_palm", "right_palm"]
 
@@ -43,7 +43,7 @@ class _Strict(BaseModel):
 class PoseEntry(_Strict):
     """A pose: xyz [m] and rpy [rad]."""
 
-    xyz: Place = (0.0, 0.0, 0.0)
+    xyz: Point = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
@@ -51,7 +51,7 @@ class SurfaceEntry(_Strict):
     """A convex planar polygon, counter-clockwise seen from outside [m]."""
 
     name: Name | None = None
-    vertices: Annotated[list[Place], Field(min_length=3, max_length=MAX_CORNERS)]
+    vertices: Annotated[list[Point], Field(min_length=3, max_length=MAX_CORNERS)]
     normal: Triple | None = None
     friction: Friction | None = None
     contact: list[Effector] | None = None
@@ -101,7 +101,7 @@ class ContactEntry(_Strict):
     """One end effector on one surface."""
 
     surface: Name
-    xyz: Place
+    xyz: Point
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
@@ -140,7 +140,7 @@ class SceneEntry(_Strict):
     friction: Friction = 0.5
     surfaces: list[SurfaceEntry] = []
     meshes: list[MeshEntry] = []
-    origin_offset: Place | None = None
+    origin_offset: Point | None = None
     heightmaps: list[HeightMapEntry] = []
     obstacles: list[ObstacleEntry] = []
     disturbances: list[DisturbanceEntry] = []
