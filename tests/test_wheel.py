@@ -98,3 +98,34 @@ def test_it_plans_level_ground_with_its_own_weights_robots_and_scenes(python: Pa
     assert report["verified"]["holds"]
     assert report["transitions_judged"]["learned"] > 0
     run(python, "-m", "drakeplan", "verify", "plan.h5", cwd=tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("setpriv") is None, reason="setpriv takes root's right to write anywhere away")
+def test_it_runs_where_neither_the_installation_nor_home_can_be_written(python: Path, tmp_path: Path) -> None:
+    """As in an image on a cluster: permission bits count once the capabilities of root are gone."""
+    site = Path(run(python, "-c", "import scenes; print(scenes.__path__[0])", cwd=tmp_path).strip()).parent
+    folders = [f for package in PACKAGES for f in [site / package, *(site / package).rglob("*")] if f.is_dir()]
+    home, scratch = tmp_path / "home", tmp_path / "scratch"
+    home.mkdir(mode=0o555)
+    scratch.mkdir()
+    drop = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if os.getuid() == 0 else []
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "XDG", "NUMBA"))}
+    clean |= {"HOME": str(home), "TMPDIR": str(scratch)}
+    words = [*drop, str(python), "-m", "drakeplan", "scenes", "export", "flat", str(scratch / "flat.yaml")]
+    try:
+        for folder in folders:
+            folder.chmod(0o555)
+        probe = [*drop, str(python), "-c", f"open({str(site / 'scenes' / 'x')!r}, 'w')"]
+        if subprocess.run(probe, capture_output=True, env=clean).returncode == 0:
+            pytest.skip("this machine's root writes everywhere")
+        for _ in range(2):
+            done = subprocess.run(words, capture_output=True, text=True, env=clean, cwd=scratch, timeout=300)
+            assert done.returncode == 0, done.stderr
+            assert done.stderr.count("can be written") == 1, done.stderr
+            assert str(scratch) in done.stderr
+    finally:
+        for folder in folders:
+            folder.chmod(0o755)
+    (temporary,) = scratch.glob("drakeplan-*")
+    assert temporary.stat().st_mode & 0o077 == 0  # nobody else can put kernels there
