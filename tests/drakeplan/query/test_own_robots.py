@@ -185,3 +185,15 @@ def test_a_query_ends_when_every_transition_fails_alike(monkeypatch):
     result = plan_scene(load_scene("flat"), load_robot("escher"), replace(SHORT, goal=(1.0, 0.0)))
     assert result.status == "contacts" and result.reason.endswith("left_elbow and torso 3 mm apart, 10 asked")
     assert len(rounds) <= 2  # once, and once more along the centre of mass of the whole dynamics
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["g1", "talos"])
+def test_robots_of_a_package_walk(name):
+    try:
+        robot = load_robot(name)
+    except InputError as error:
+        pytest.skip(str(error))
+    options = PlanOptions(goal=(0.6, 0.0), goal_radius=0.2, expansions=100, deadline=300.0, dynamics="quasi-static")
+    result = plan_scene(load_scene("flat"), robot, options)
+    assert result.status == "complete", result.reason
