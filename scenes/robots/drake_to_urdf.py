@@ -115,6 +115,14 @@ class _Writer:
     """Writes the bodies and joints of one plant."""
 
     def __init__(self, plant: MultibodyPlant, inspector: SceneGraphInspector, model: Path, folder: Path) -> None:
+        """Reads the motors.
+
+        Args:
+            plant: finalized.
+            inspector: of its scene graph.
+            model: the file, for errors.
+            folder: takes the meshes.
+        """
         self.plant, self.inspector, self.model, self.folder = plant, inspector, model, folder
         self.effort = {
             plant.get_joint_actuator(a).joint().index(): plant.get_joint_actuator(a).effort_limit()
