@@ -1,7 +1,7 @@
 """Drake's parser with its errors as bad input: one line that says what to do."""
 
 # pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
-# pyright: reportArgumentType=false, reportCallIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
 
 from __future__ import annotations
 
