@@ -294,7 +294,7 @@ def test_a_scene_without_start_or_goal_asks_for_them_and_shows_its_extent(
 def test_the_robot_of_the_scene_is_taken_unless_another_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def refuse(name: str) -> None:
+    def refuse(name: str, packages: object = None) -> None:
         asked.append(name)
         raise InputError("that is enough")
 
