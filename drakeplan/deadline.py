@@ -6,6 +6,36 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from numba.core import event
+
+
+class CompileClock(event.Listener):
+    """Seconds that this process has spent compiling kernels; loading compiled ones does not count."""
+
+    def __init__(self) -> None:
+        self._total, self._depth, self._began = 0.0, 0, 0.0
+
+    def seconds(self) -> float:
+        """So far, what is being compiled now included."""
+        running = time.perf_counter() - self._began if self._depth else 0.0
+        return self._total + running
+
+    def on_start(self, event: event.Event) -> None:
+        """A kernel starts to compile, perhaps because another one calls it."""
+        if self._depth == 0:
+            self._began = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """It is compiled."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._total += time.perf_counter() - self._began
+
+
+compile_clock = CompileClock()
+event.register("numba:compile", compile_clock)
+
 
 class OutOfTimeError(Exception):
     """The query has to stop; the message says why."""
@@ -13,7 +43,7 @@ class OutOfTimeError(Exception):
 
 @dataclass
 class Deadline:
-    """The time of one query, from `start` on.
+    """The time of one query, from `start` on; kernels that compile in between do not count.
 
     Attributes:
         seconds: allowed altogether; None for as long as it takes.
@@ -25,16 +55,19 @@ class Deadline:
     stop: Callable[[], bool] | None = None
     used: float = 0.0
     _began: float | None = None
+    _compiled: float = 0.0
 
     def start(self) -> None:
-        """Starts the clock; what went before (kernels that compile) does not count."""
-        self._began = time.perf_counter()
+        """Starts the clock."""
+        self._began, self._compiled = time.perf_counter(), compile_clock.seconds()
 
     def left(self) -> float:
         """Seconds that remain, 0 when the time is over; inf without a limit."""
         if self.seconds is None:
             return float("inf")
-        gone = 0.0 if self._began is None else time.perf_counter() - self._began
+        gone = 0.0
+        if self._began is not None:
+            gone = time.perf_counter() - self._began - (compile_clock.seconds() - self._compiled)
         return max(self.seconds - self.used - gone, 0.0)
 
     def why(self) -> str:

@@ -20,6 +20,7 @@ import tyro
 from drakeplan.cli import supervisor
 from drakeplan.cli.arguments import Packages
 from drakeplan.contact_planning.planner import PLANNERS
+from drakeplan.deadline import Deadline, compile_clock
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
@@ -236,7 +237,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         improve=arguments.improve,
         expansions=arguments.expansions,
         stop=interrupted,
-        used=seconds_since_process_start() if supervisor.wire is not None else 0.0,
+        used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
         keep=telling.keep,
         explain=arguments.explain,
         command=shlex.join(["drakeplan", *sys.argv[1:]]),
@@ -293,7 +294,7 @@ class _Telling(contextlib.AbstractContextManager):
         self._facts = {"scene": scene.name, "seed": arguments.seed}
         self._out = arguments.out if arguments.keep_partial else None
         self._kept = f"{self._out}.{os.getpid()}.partial"
-        self._started = False
+        self._deadline: Deadline | None = None
 
     def __exit__(self, *_: object) -> None:
         if self._out is not None and self._wire is not None:
@@ -307,9 +308,12 @@ class _Telling(contextlib.AbstractContextManager):
             if self._wire is None:
                 return
             self._wire.tell(stage=" ".join([event.stage, event.message]).rstrip())
-            if event.stage == "search" and not self._started:
-                self._started = True
-                self._wire.tell(left=max(options.deadline - options.used, 0.0), report=self._facts)
+            if event.stage == "search" and self._deadline is None:
+                self._deadline = Deadline(options.deadline, None, options.used)
+                self._deadline.start()
+                self._wire.tell(report=self._facts)
+            if self._deadline is not None:
+                self._wire.tell(left=self._deadline.left())  # again and again: kernels may have compiled meanwhile
 
         return tell
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-import time
 
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.planner import make_planner, planner_entry
@@ -60,7 +59,7 @@ def plan_scene(
     deadline = Deadline(options.deadline, options.stop, options.used)
     context = QueryContext(scene, robot, WholeBodyIK(robot), options.cone, deadline)
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
-        record.compile_s = _load_kernels(context, tell)
+        _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
     deadline.start()
     record.start, record.goal = context.start.feet_mean().tolist(), list(context.goal.xyz)
@@ -86,9 +85,8 @@ def plan_scene(
     return _explained(result, context, options) if options.explain else result
 
 
-def _load_kernels(context: QueryContext, tell: Progress) -> float:
-    """Loads what is compiled, and says so where it has to be compiled first; seconds that this took, 0 where it had been."""
-    began = time.perf_counter()
+def _load_kernels(context: QueryContext, tell: Progress) -> None:
+    """Loads what is compiled, and says so where it has to be compiled first."""
     note = ProgressEvent("load", "compiling kernels, once on this machine: one to two minutes")
     patience = threading.Timer(COMPILING, tell, [note])
     patience.daemon = True
@@ -97,8 +95,6 @@ def _load_kernels(context: QueryContext, tell: Progress) -> float:
         warm_up(context.robot, context.ik)
     finally:
         patience.cancel()
-    took = time.perf_counter() - began
-    return took if took > COMPILING else 0.0
 
 
 def _attempt(

@@ -7,6 +7,7 @@ import resource
 import time
 from dataclasses import dataclass, field
 
+from drakeplan.deadline import compile_clock
 from drakeplan.verifier import Report
 
 
@@ -46,7 +47,6 @@ class QueryRecord:
         sequences_tested: contact sequences whose whole dynamics were solved before the motion stage.
         transitions_judged: transitions whose dynamics were evaluated, by "learned" and "exact".
         planning_s, dynamics_s, motion_s, verification_s: where the time went.
-        compile_s: kernels that were compiled for the first time; outside the deadline.
         repairs: times that a refused transition was forbidden and the search resumed.
         limits_fired: by name.
         notes: what was done otherwise than asked, one line each.
@@ -70,7 +70,6 @@ class QueryRecord:
     dynamics_s: float = 0.0
     motion_s: float = 0.0
     verification_s: float = 0.0
-    compile_s: float = 0.0
     repairs: int = 0
     limits_fired: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -92,6 +91,7 @@ class QueryRecord:
             "status": status,
             "reason": reason,
             **values,
+            "compile_s": compile_clock.seconds(),  # outside the deadline
             "total_s": time.perf_counter() - self.began,
             "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
             "verified": {"holds": verified, "failed": failed},

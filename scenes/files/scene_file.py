@@ -15,6 +15,7 @@ import numpy as np
 from scenes.contact import NEAR_LEVEL, Contact
 from scenes.disturbance import Disturbance
 from scenes.effector import EFFECTORS, is_foot
+from scenes.files.box_sides import box_sides
 from scenes.files.scene_schema import (
     ContactEntry,
     DisturbanceEntry,
@@ -85,7 +86,8 @@ def scene_from_yaml(
     entry, offset = _localised(entry, notes)
     surfaces = [_surface(e, i, entry.friction, source, notes) for i, e in enumerate(entry.surfaces)]
     flags = [False] * len(surfaces)
-    obstacles: list[Box | TriangleMesh] = [_box(e, i) for i, e in enumerate(entry.obstacles)]
+    boxes = [_box(e, i) for i, e in enumerate(entry.obstacles)]
+    obstacles: list[Box | TriangleMesh] = [*boxes]
     if mesh_triangles is not None:
         rest = _without_boxes(mesh_triangles, obstacles)
         if len(rest):
@@ -97,6 +99,11 @@ def scene_from_yaml(
             notes.append(
                 f"{count} surfaces called {MESH_PREFIX}... come from mesh files that are not listed: used as plates of 2 cm"
             )
+    for wanted, box in zip(entry.obstacles, boxes, strict=True):
+        rough = entry.friction if wanted.friction is None else wanted.friction
+        sides = box_sides(box, wanted.contact or [], rough)
+        surfaces += sides
+        flags += [False] * len(sides)
     given = offset
     imported, offset = _meshes(entry.meshes, entry.friction, source, folder, offset)
     if given is None and offset is not None:

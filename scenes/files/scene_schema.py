@@ -75,11 +75,13 @@ class HeightMapEntry(_Strict):
 
 
 class ObstacleEntry(_Strict):
-    """A box [m] that nothing may touch."""
+    """A box [m]; with `contact` its sides are surfaces for these end effectors, else nothing may touch it."""
 
     name: Name | None = None
     box: tuple[Positive, Positive, Positive]
     pose: PoseEntry = PoseEntry()
+    friction: Friction | None = None
+    contact: list[Effector] | None = None
 
 
 class RegionEntry(_Strict):

@@ -22,7 +22,7 @@ from scenes.terrain.terrain import TriangleMesh
 
 NARROWEST = 0.04  # [m] no sole or palm is narrower, so nothing narrower can be stood or leant on
 MESH_PREFIX = "mesh:"  # surfaces cut out of a mesh are called mesh:<mesh>/<number>
-LARGEST = 200.0  # [m] a mesh larger than this is more likely in millimetres
+LARGEST = 1000.0  # [m] a mesh larger than this is more likely in millimetres
 COARSE = 1e-3  # [m] coordinates farther apart than this make steps of flat ground
 Y_UP_RATIO = 6.0  # a terrain with this much more area facing +y than +z is more likely y-up
 
