@@ -20,10 +20,10 @@ import tyro
 from drakeplan.cli import supervisor
 from drakeplan.cli.arguments import Packages
 from drakeplan.contact_planning.planner import PLANNERS
-from drakeplan.deadline import Deadline, compile_clock
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
+    from drakeplan.deadline import Deadline
     from drakeplan.plan.plan import Plan
     from drakeplan.progress import Progress, ProgressEvent
     from drakeplan.query.options import PlanOptions
@@ -126,6 +126,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Plans, writes, tells; see the exit status in `ABOUT`."""
     _check_arguments(arguments)
+    import drakeplan.deadline  # noqa: F401 (its clock counts what compiles from here on)
     from drakeplan.plan.plan_file import require_writable
 
     outputs = [path for path in (arguments.out, arguments.html) if path is not None]
@@ -216,6 +217,7 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
 
 
 def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> PlanOptions:
+    from drakeplan.deadline import compile_clock
     from drakeplan.query.options import PlanOptions, check_options
     from drakeplan.timing.step_timing import Timing
     from optimization.balance.friction import FrictionCone
@@ -302,6 +304,8 @@ class _Telling(contextlib.AbstractContextManager):
 
     def along(self, progress: Progress, options: PlanOptions) -> Progress:
         """The same progress, told to the watching process too; the clock of the deadline runs from the search on."""
+
+        from drakeplan.deadline import Deadline
 
         def tell(event: ProgressEvent) -> None:
             progress(event)

@@ -44,6 +44,11 @@ class Problem:
         return f"{self.kind} at {self.time:.2f} s: {self.about}, {self.value:.4g} (limit {self.limit:.4g})"
 
 
+def excess(problems: Sequence[Problem]) -> float:
+    """How many times its limit the worst problem is; 0 without any. Of two motions the one with less is nearer to good."""
+    return max((p.value / p.limit for p in problems), default=0.0)
+
+
 def mean_velocities(q: np.ndarray, step: float) -> np.ndarray:
     """(T - 1, nv) velocity that takes each frame to the next, in Drake's order.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drakeplan.deadline import Deadline
-from drakeplan.motion.check import Problem, find_problems, mean_velocities
+from drakeplan.motion.check import Problem, excess, find_problems, mean_velocities
 from drakeplan.motion.course_dynamics import BOX, ComCourse, SequenceDynamics, monotone_course
 from drakeplan.motion.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
 from drakeplan.motion.proximity import Encounters, ProximityMonitor
@@ -183,7 +183,7 @@ class MotionFrames:
             if not problems or not self._try_harder(problems):
                 break
             self._restart()
-        problems, self.trajectory, self._answer, self.gaps = min(tried, key=lambda one: len(one[0]))
+        problems, self.trajectory, self._answer, self.gaps = min(tried, key=lambda one: excess(one[0]))
         return problems
 
     def _restart(self) -> None:

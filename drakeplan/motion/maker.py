@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drakeplan.context import QueryContext
-from drakeplan.motion.check import Problem, velocities
+from drakeplan.motion.check import Problem, excess, velocities
 from drakeplan.motion.course_dynamics import ComCourse, SequenceDynamics
 from drakeplan.motion.frames import MotionFrames, Setting
 from drakeplan.motion.free_timing import effort, free_durations
@@ -180,7 +180,7 @@ class MotionMaker:
             if longer is None:
                 break
             shift, swing = longer
-        best = min(results, key=lambda r: (r.centroidal is None, len(r.problems)))
+        best = min(results, key=lambda r: (r.centroidal is None, excess(r.problems)))
         return self._with_free_timing(best, timings, tell) if self.options.free and best.ok else best
 
     def _with_free_timing(

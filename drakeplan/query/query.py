@@ -19,6 +19,7 @@ from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
 from drakeplan.context import QueryContext
 from drakeplan.deadline import OutOfTimeError
 from drakeplan.motion.assembly import assemble_plan
+from drakeplan.motion.check import excess
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.maker import MotionMaker, MotionOptions, MotionResult
 from drakeplan.plan.plan import Plan, tabulate_stances
@@ -33,7 +34,8 @@ from drakeplan.search.ana_star import Limits
 from drakeplan.verifier import Report
 from scenes.stance import Stance
 
-WORTH_VERIFYING = 3  # problems a motion may report and still be shown to the verifier, whose limits are a little wider
+# Times a limit of the motion stage that its worst problem may be; the verifier's own limits are a little wider.
+WORTH_VERIFYING = 1.3
 
 
 class Query:
@@ -188,7 +190,7 @@ class Query:
         motion = self._motion.run(stances, self.tell)
         if motion.centroidal is None and stances in self._courses:
             moving = self._motion.run(stances, self.tell, self._courses[stances])
-            motion = min(moving, motion, key=lambda m: (not m.ok, m.centroidal is None, len(m.problems)))
+            motion = min(moving, motion, key=lambda m: (not m.ok, m.centroidal is None, excess(m.problems)))
         record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
         record.motion_s += motion.timings.get("motion_s", 0.0)
         if motion.centroidal is not None and record.time_to_first_feasible_s is None:
@@ -199,7 +201,7 @@ class Query:
 
     def _verify(self, sequence: ContactPlan, motion: MotionResult) -> tuple[Plan | None, Report | None]:
         """The plan and the verifier's report on it; neither where too much is wrong with the motion already."""
-        if not motion.ok and not 0 < len(motion.problems) <= WORTH_VERIFYING:
+        if not motion.ok and not 0.0 < excess(motion.problems) <= WORTH_VERIFYING:
             return None, None
         self.context.deadline.check("before the verification")
         plan = self._assemble(sequence, motion)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from scenes.input_error import InputError
-from scenes.meshes.mesh_orientation import row_numbers
 from scenes.terrain.polygon import area_vectors
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae")
@@ -54,6 +53,8 @@ def drop_degenerate(triangles: np.ndarray) -> np.ndarray:
     # Each triangle starts at its lowest corner: equal ones compare equal whichever corner the file began with.
     order = np.lexsort(corners.transpose(2, 0, 1)[::-1], axis=1)[:, :1]
     turned = np.take_along_axis(corners, ((order + np.arange(3)) % 3)[:, :, None], axis=1)
+    from scenes.meshes.mesh_orientation import row_numbers  # scipy: 0.2 s that named scenes do not need
+
     corner = row_numbers(turned.reshape(-1, 3)).reshape(-1, 3)
     _, first = np.unique(row_numbers(corner), return_index=True)
     return triangles[np.sort(first)]

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
 FLUSH = 0.003  # [m] pieces of one floor lie this near one plane where they meet
@@ -54,6 +52,9 @@ def floors_of(
     alone = Floors(np.full(size, -1), np.zeros(size + 1, np.int64), np.zeros((0, 3, 3)))
     if not len(pairs):
         return alone
+    from scipy.sparse import coo_matrix  # 0.2 s that scenes without such floors do not need
+    from scipy.sparse.csgraph import connected_components
+
     _, label = connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), shape=(size, size)), directed=False)
     pieces = np.bincount(label)
     _, numbers = np.unique(np.where(pieces[label] > 1, label, -1), return_inverse=True)

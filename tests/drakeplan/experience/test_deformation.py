@@ -205,7 +205,7 @@ def test_a_scene_with_other_surfaces_is_refused(stepping_plan: Plan, moved: Scen
 
 
 def test_another_robot_is_refused(stepping_plan: Plan, moved: Scene) -> None:
-    with pytest.raises(InputError, match="another model of robot 'escher'"):
+    with pytest.raises(InputError, match="made for a model of escher"):
         deform(dataclasses.replace(stepping_plan, robot_model_sha256="0" * 64), moved)
 
 

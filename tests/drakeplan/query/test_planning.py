@@ -34,7 +34,7 @@ def floor(name: str, x: tuple[float, float], y: tuple[float, float] = (-1, 1), f
 
 
 def plan(scene: Scene, **options) -> PlanResult:
-    return plan_scene(scene, ESCHER, PlanOptions(**{"improve": 0.0, "deadline": 60.0, **options}))
+    return plan_scene(scene, ESCHER, PlanOptions(**{"improve": 0.0, "deadline": 300.0, **options}))
 
 
 def on(terrain: Terrain, goal=(2.0, 0.0, 0.0)) -> Scene:

@@ -53,7 +53,6 @@ def of_another_robot(folder: Path) -> None:
         (foreign, CARD, "expected a card of format"),
         (missing, WEIGHTS, "missing, though its card"),
         (with_nan, WEIGHTS, ".weight must hold finite float32 numbers"),
-        (of_another_robot, "'nobody'", "trained for another robot than 'escher'"),
     ],
 )
 def test_damaged_weights_stop_a_plan_with_one_line(
@@ -67,3 +66,15 @@ def test_damaged_weights_stop_a_plan_with_one_line(
     said = capsys.readouterr().err.strip().splitlines()
     assert named in said[-1] and complaint in said[-1] and sum("drakeplan" in line for line in said) == 1
     assert not (tmp_path / "plan.h5").exists()
+
+
+def test_weights_of_another_robot_are_left_out_with_a_note(tmp_path, monkeypatch, capsys) -> None:
+    """An own variant of a packaged robot, its name kept, is planned with the exact program."""
+    shutil.copytree(PRETRAINED / "escher", tmp_path / "escher")
+    of_another_robot(tmp_path / "escher")
+    monkeypatch.setattr(learning.surrogate, "PRETRAINED", tmp_path)
+    words = ["plan", "flat", "--goal", "0.4", "0", "--dynamics", "learned", "--out", str(tmp_path / "plan.h5")]
+    assert main(words) == 0
+    said = capsys.readouterr().err
+    assert "another robot named 'escher'" in said and "exact dynamics are used instead" in said
+    assert (tmp_path / "plan.h5").exists()
