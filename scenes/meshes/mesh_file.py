@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import logging
 import re
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -69,15 +73,23 @@ def _load_triangles(data: bytes, path: Path) -> np.ndarray:
     try:
         # Without process=False trimesh drops what has NaN corners and says nothing; without a path it cannot follow
         # the names of materials and textures to other files.
-        loaded = trimesh.load_scene(io.BytesIO(data), file_type=path.suffix[1:].lower(), process=False)
-        parts = [g for g in loaded.dump() if isinstance(g, trimesh.Trimesh)]
+        with _quiet():
+            loaded = trimesh.load_scene(
+                io.BytesIO(_in_utf8(data, path)), file_type=path.suffix[1:].lower(), process=False
+            )
+            parts = [g for g in loaded.dump() if isinstance(g, trimesh.Trimesh)]
     except Exception as error:  # every format has exceptions of its own, and none of them is our bug
         raise InputError(f"{path}: not a readable mesh ({type(error).__name__}: {error})"[:300]) from None
     triangles = []
     for part in parts:
         faces, vertices = np.asarray(part.faces), np.asarray(part.vertices, float)
+        if faces.shape[1:] != (3,) or vertices.shape[1:] != (3,):
+            raise InputError(
+                f"{path}: not a readable mesh (expected vertices of three numbers and faces of three corners)"
+            )
         if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-            raise InputError(f"{path}: a face names vertex {faces.max()}, expected 0 to {len(vertices) - 1}")
+            wrong = faces.min() if faces.min() < 0 else faces.max()
+            raise InputError(f"{path}: a face names vertex {wrong}, expected 0 to {len(vertices) - 1}")
         triangles.append(vertices[faces])
     count = sum(len(t) for t in triangles)
     if count == 0:
@@ -85,6 +97,28 @@ def _load_triangles(data: bytes, path: Path) -> np.ndarray:
     if count > MAX_TRIANGLES:
         raise InputError(f"{path}: {count} triangles, expected at most {MAX_TRIANGLES}")
     return np.concatenate([t for t in triangles if len(t)])
+
+
+def _in_utf8(data: bytes, path: Path) -> bytes:
+    """An OBJ or ASCII STL file in UTF-8; names and comments may be in another encoding, and no number depends on them."""
+    is_text = path.suffix.lower() == ".obj" or (
+        path.suffix.lower() == ".stl" and data[:5].lower() == b"solid" and b"vertex" in data
+    )
+    return data.decode("utf-8", "replace").encode() if is_text and not data.isascii() else data
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Inside, what trimesh warns of is kept from the user: a file that cannot be used is refused in one line."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
 
 
 def _collada_frame(data: bytes, path: Path) -> np.ndarray:

@@ -153,4 +153,5 @@ def _joints(
 
 def closed(union: BaseGeometry) -> BaseGeometry:
     """A region of the plane with its joints filled: everything that no square of side two joints, so oriented, fits beside."""
-    return union.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre")
+    with np.errstate(invalid="ignore"):  # GEOS tries intersections of parallel lines
+        return union.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre")
