@@ -70,6 +70,8 @@ def _load_triangles(data: bytes, path: Path) -> np.ndarray:
     # OBJ counts from 1; trimesh takes a 0 for the last vertex.
     if path.suffix.lower() == ".obj" and re.search(rb"^f[ \t](.*[ \t])?0+[/ \t\r\n]", data + b"\n", re.MULTILINE):
         raise InputError(f"{path}: a face names vertex 0, expected 1 or more")
+    if path.suffix.lower() == ".stl" and b"\0" in data:
+        _check_length(data, path)
     try:
         # Without process=False trimesh drops what has NaN corners and says nothing; without a path it cannot follow
         # the names of materials and textures to other files.
@@ -78,6 +80,8 @@ def _load_triangles(data: bytes, path: Path) -> np.ndarray:
                 io.BytesIO(_in_utf8(data, path)), file_type=path.suffix[1:].lower(), process=False
             )
             parts = [g for g in loaded.dump() if isinstance(g, trimesh.Trimesh)]
+    except ModuleNotFoundError:  # trimesh would guess the encoding
+        raise InputError(f"{path}: not a readable mesh (neither UTF-8 text nor a whole binary file)") from None
     except Exception as error:  # every format has exceptions of its own, and none of them is our bug
         raise InputError(f"{path}: not a readable mesh ({type(error).__name__}: {error})"[:300]) from None
     triangles = []
@@ -97,6 +101,15 @@ def _load_triangles(data: bytes, path: Path) -> np.ndarray:
     if count > MAX_TRIANGLES:
         raise InputError(f"{path}: {count} triangles, expected at most {MAX_TRIANGLES}")
     return np.concatenate([t for t in triangles if len(t)])
+
+
+def _check_length(data: bytes, path: Path) -> None:
+    """Refuses a binary STL that is cut off or has a wrong count."""
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) != 84 + 50 * count:
+        raise InputError(
+            f"{path}: not a readable mesh (a binary STL of {count} triangles has {84 + 50 * count} bytes, this one {len(data)})"
+        )
 
 
 def _in_utf8(data: bytes, path: Path) -> bytes:

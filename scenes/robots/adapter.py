@@ -7,13 +7,15 @@ named after the content that it was made from; it appears there whole or not at 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.metadata
 import math
 import os
+import re
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -35,6 +37,7 @@ WIDEST = {"revolute": math.pi, "continuous": math.pi, "prismatic": 1.0}  # [rad,
 FASTEST = {"revolute": 10.0, "continuous": 10.0, "prismatic": 2.0}  # [rad/s, m/s] of joints that name no speed
 KEPT = ("link", "joint", "material")  # what a URDF needs for planning; sensors, plugins and comments go
 MOVING = ("revolute", "continuous", "prismatic")
+TRIPLES = ("xyz", "rpy", "size", "scale")  # attributes of three numbers
 
 
 @dataclass(frozen=True)
@@ -94,10 +97,20 @@ def adapted_model(
         return _adapted(name, origin, base_body, nominal)
     from scenes.robots.drake_to_urdf import urdf_from_drake
 
-    with tempfile.TemporaryDirectory(prefix="drakeplan-model-") as scratch:
+    with tempfile.TemporaryDirectory(prefix="drakeplan-model-") as scratch, _errors_as_of(origin.file, Path(scratch)):
         urdf = urdf_from_drake(origin.file, origin.addresses, Path(scratch))
         addresses = Addresses(origin.addresses.source)
         return _adapted(name, replace(origin, file=urdf, addresses=addresses), base_body, nominal)
+
+
+@contextlib.contextmanager
+def _errors_as_of(model: Path, folder: Path) -> Iterator[None]:
+    """Inside, errors name the user's model where they named a file of a temporary folder, whose lines nobody can see."""
+    try:
+        yield
+    except InputError as error:
+        text = re.sub(rf"{re.escape(str(folder))}/[^\s:'()]+", str(model), str(error))
+        raise InputError(re.sub(r"\(\d+: error: ", "(", text) if text != str(error) else text) from None
 
 
 def _adapted(name: str, origin: ModelSource, base_body: str, nominal: Mapping[str, float]) -> Path:
@@ -107,7 +120,8 @@ def _adapted(name: str, origin: ModelSource, base_body: str, nominal: Mapping[st
     if not (final / "model.urdf").is_file():
         scratch = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=root))
         try:
-            model.write(scratch)
+            with _errors_as_of(origin.file, scratch):
+                model.write(scratch)
             os.replace(scratch, final)
         except OSError:
             if not (final / "model.urdf").is_file():  # else another process was first, with the same content
@@ -120,7 +134,7 @@ def _adapted(name: str, origin: ModelSource, base_body: str, nominal: Mapping[st
 def _folders(package: PackageEntry, source: str) -> dict[str, Path]:
     try:
         distribution = importlib.metadata.distribution(package.distribution)
-    except importlib.metadata.PackageNotFoundError:
+    except (importlib.metadata.PackageNotFoundError, ValueError):  # the latter for no name at all
         raise InputError(
             f"{source}: the package {package.distribution} is not installed: pip install 'drakeplan[robots]'"
         ) from None
@@ -188,6 +202,8 @@ class _Model:
         for element in self.root.iter(
             "mass", "inertia", "origin", "axis", "limit", "box", "sphere", "cylinder", "mesh"
         ):
+            if element.tag == "mass" and element.get("value") is None:
+                raise InputError(f"{self.urdf}: mass.value: expected a number of kilograms")
             for key, value in element.attrib.items():
                 if key == "filename":
                     continue
@@ -198,6 +214,8 @@ class _Model:
                 low = 0.0 if element.tag == "mass" else -math.inf
                 if not all(math.isfinite(v) and v >= low for v in numbers):
                     raise InputError(f"{self.urdf}: {element.tag}.{key}: expected finite numbers, got {value!r}")
+                if key in TRIPLES and len(numbers) != 3 and not (key == "scale" and len(numbers) == 1):
+                    raise InputError(f"{self.urdf}: {element.tag}.{key}: expected three numbers, got {value!r}")
 
     def _check_names(self) -> None:
         changes, key = self.changes, self.origin.key
@@ -217,6 +235,10 @@ class _Model:
             for name in names:
                 if name not in self.joints:
                     raise InputError(f"{self.source}: {where}: the model has no joint {name!r}")
+        for name in self.nominal:
+            joint = self.joints[name]
+            if joint.get("type") not in MOVING or joint.find("mimic") is not None or name in changes.fixed:
+                raise InputError(f"{self.source}: nominal.{name}: the joint does not move in the model")
 
     def _weld_fixed_joints(self) -> None:
         for name, joint in self.joints.items():
@@ -370,15 +392,13 @@ def touching_pairs(urdf: Path, nominal: Mapping[str, float], distance: float) ->
     from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
     from pydrake.systems.framework import DiagramBuilder
 
-    from scenes.robots.drake_parser import add_model, set_joint, unreadable_model
+    from scenes.robots.drake_parser import add_model, reading, set_joint
 
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    try:
-        add_model(plant, urdf)
+    add_model(plant, urdf)
+    with reading(urdf):
         plant.Finalize()
-    except RuntimeError as error:
-        raise unreadable_model(urdf, error) from None
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     plant_context = plant.GetMyContextFromRoot(context)

@@ -46,7 +46,7 @@ class Addresses:
             path = (base / address.removeprefix("file://")).resolve()
         if self.confined and not any(path.is_relative_to(folder) for folder in self.folders.values()):
             raise InputError(f"{self.source}: {address}: leads out of the package's folders")
-        if not path.is_file():
+        if not is_file(path):
             raise InputError(f"{self.source}: {address}: there is no file {path}")
         return path
 
@@ -61,6 +61,14 @@ class Addresses:
                 f"{self.source}: {address}: package {name!r} is not known: add --package {name}=DIR with its folder"
             )
         return above
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _manifest_name(folder: Path) -> str:

@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 from pydrake.multibody.parsing import Parser
@@ -29,6 +32,40 @@ REMEDIES = (  # what Drake says -> what helps
 )
 
 
+DRAKES_ERRORS = (RuntimeError, ValueError, TypeError, IndexError, SystemExit)  # the last stands for a failed condition
+MOST_WORDS = 300  # letters of a warning
+_said: set[str] = set()
+
+
+@contextlib.contextmanager
+def reading(model: Path) -> Iterator[None]:
+    """Inside, what Drake finds wrong is the model's fault; what it warns of is said once, in a line, if the model loads.
+
+    Args:
+        model: the file, for errors.
+
+    Raises:
+        InputError: Drake cannot make a plant of the model.
+    """
+    log, heard = logging.getLogger("drake"), []
+
+    def keep(record: logging.LogRecord) -> bool:
+        heard.append(" ".join(record.getMessage().split())[:MOST_WORDS])
+        return False
+
+    log.addFilter(keep)
+    try:
+        yield
+    except DRAKES_ERRORS as error:
+        raise error if isinstance(error, InputError) else unreadable_model(model, error) from None
+    finally:
+        log.removeFilter(keep)
+    for words in heard:
+        if words not in _said:
+            _said.add(words)
+            log.warning(words)
+
+
 def add_model(plant: MultibodyPlant, model: Path) -> None:
     """Adds the models of a file to a plant.
 
@@ -39,13 +76,11 @@ def add_model(plant: MultibodyPlant, model: Path) -> None:
     Raises:
         InputError: Drake cannot read the file.
     """
-    try:
+    with reading(model):
         Parser(plant).AddModels(model)
-    except RuntimeError as error:
-        raise unreadable_model(model, error) from None
 
 
-def unreadable_model(model: Path, error: Exception) -> InputError:
+def unreadable_model(model: Path, error: BaseException) -> InputError:
     """The error of Drake's parser in one line, with the remedy where one is known.
 
     Args:

@@ -34,7 +34,7 @@ from pydrake.systems.framework import DiagramBuilder
 from scenes.input_error import InputError
 from scenes.meshes.mesh_file import read_mesh
 from scenes.robots.addresses import Addresses
-from scenes.robots.drake_parser import add_model
+from scenes.robots.drake_parser import add_model, reading
 from scenes.robots.meshes import obj_text
 
 DRAKE = "http://drake.mit.edu"
@@ -62,8 +62,9 @@ def urdf_from_drake(model: Path, addresses: Addresses, folder: Path) -> Path:
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
     try:
         add_model(plant, readable)
-        plant.Finalize()
-    except (RuntimeError, InputError) as error:
+        with reading(readable):
+            plant.Finalize()
+    except InputError as error:
         raise InputError(" ".join(str(error).replace(str(readable), str(model)).split())) from None
     root = etree.Element("robot", nsmap={"drake": DRAKE}, name="robot")
     writer = _Writer(plant, scene_graph.model_inspector(), model, folder)
@@ -202,7 +203,10 @@ class _Writer:
             return etree.Element(f"{{{DRAKE}}}ellipsoid", **size)
         hull = self.inspector.GetConvexHull(geometry)
         vertices = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
-        convex = trimesh.convex.convex_hull(vertices)
+        with np.errstate(
+            invalid="ignore", divide="ignore"
+        ):  # trimesh divides by the volume, which a flat shape has not
+            convex = trimesh.convex.convex_hull(vertices)
         path = self.folder / f"hull_{self.hulls}.obj"
         self.hulls += 1
         path.write_text(obj_text(convex.vertices, convex.faces), encoding="utf-8")

@@ -15,6 +15,7 @@ HULL_ERROR = 0.003  # [m] how far a hull with fewer vertices may fall short of t
 GREY = (0.7, 0.7, 0.72, 1.0)
 
 
+@np.errstate(invalid="ignore", divide="ignore")  # trimesh divides by the volume, which a flat shape has not
 def hull_obj(points: np.ndarray) -> str:
     """The convex hull of points (N, 3) [m] as OBJ text; a large one is cut down to its extreme points.
 

@@ -10,7 +10,7 @@ from lxml import etree  # type: ignore[attr-defined]
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 from scenes.robots.adapter import MOVING, ModelSource, adapted_model, package_source
-from scenes.robots.addresses import Addresses
+from scenes.robots.addresses import Addresses, is_file
 from scenes.robots.schema import FrameEntry, ModelChanges, RobotEntry
 from scenes.robots.urdf_file import read_urdf
 
@@ -48,7 +48,7 @@ def _own_model(path: Path, entry: RobotEntry, addresses: Addresses) -> Path:
         model = addresses.resolve(address, path.parent.resolve())
     else:
         model = (path.parent / address).resolve()
-    if not model.is_file():
+    if not is_file(model):
         raise InputError(f"{path}: model: there is no file {model}")
     if model.suffix.lower() not in MODEL_SUFFIXES:
         raise InputError(

@@ -34,7 +34,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from scenes.effector import EFFECTORS, is_foot
 from scenes.meshes.convex_faces import join_coplanar
-from scenes.robots.drake_parser import add_model, set_joint
+from scenes.robots.drake_parser import add_model, reading, set_joint
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import THICKNESS
 from scenes.terrain.polygon import polygon_normal
@@ -162,7 +162,8 @@ def _build(robot: Robot, terrain: Terrain | None, meshcat: Meshcat | None, near:
             names[plate] = surface.name
         for obstacle in terrain.obstacles:
             names |= dict.fromkeys(_add_obstacle(plant, obstacle, near), obstacle.name)
-    plant.Finalize()
+    with reading(robot.model):
+        plant.Finalize()
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     return RobotPlant(robot, terrain, plant, scene_graph, builder.Build(), tuple(surfaces), names)

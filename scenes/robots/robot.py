@@ -219,6 +219,9 @@ def _check_names(path: Path, entry: RobotEntry, tree: etree._ElementTree) -> Non
     for key, link in {"base_body": entry.base_body, "torso_body": entry.torso_body}.items():
         if link not in links:
             raise InputError(f"{path}: {key}: the model has no link {link!r}")
+    still = {e.get("name") for e in tree.iterfind("joint") if e.get("type") == "fixed"}
     for joint in entry.nominal:
         if joint not in joints:
             raise InputError(f"{path}: nominal: the model has no joint {joint!r}")
+        if joint in still:
+            raise InputError(f"{path}: nominal.{joint}: the joint does not move in the model")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -26,6 +27,20 @@ def _known_effectors(effectors: dict[str, object]) -> dict[str, object]:
     return effectors
 
 
+def _plain_name(name: str) -> str:
+    """A robot's name is part of a folder's name."""
+    if not re.fullmatch(r"\w[\w .+-]{0,63}", name):
+        raise ValueError("expected letters, digits, spaces and . + - _, at most 64, the first a letter or digit")
+    return name
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable() or not text:
+        raise ValueError("expected printable text")
+    return text
+
+
+Text = Annotated[str, AfterValidator(_printable)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -76,9 +91,9 @@ class ModelChanges(_Strict):
         ignored_pairs: bodies that may touch besides those that do in the nominal posture.
     """
 
-    frames: dict[str, FrameEntry] = {}
+    frames: dict[Text, FrameEntry] = {}
     fixed: dict[str, Number] = {}
-    one_hull: list[list[str]] = []
+    one_hull: list[Annotated[list[str], Field(min_length=1)]] = []
     ignored_pairs: list[tuple[str, str]] = []
 
 
@@ -105,8 +120,8 @@ class RobotEntry(_Strict):
 
     format: Literal["drakeplan-robot"]
     version: Literal[1]
-    name: str
-    model: str | None = None
+    name: Annotated[str, AfterValidator(_plain_name)]
+    model: Text | None = None
     changes: ModelChanges | None = None
     package: PackageEntry | None = None
     base_body: str
@@ -161,4 +176,6 @@ def read_robot_file(path: Path) -> RobotEntry:
         problems = error.errors(include_url=False)
         first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
         where = key_path(list(first["loc"]))
-        raise InputError(f"{path}: {where + ': ' if where else ''}{first['msg']}") from None
+        raise InputError(
+            f"{path}: {where + ': ' if where else ''}{first['msg'].removeprefix('Value error, ')}"
+        ) from None

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import platformdirs
 import pytest
 from fuzz_campaign import campaign
 from good_inputs import good_inputs
 from judge import READ, REFUSED, answer
 
 SEED = 20261129
-FEW = {"scenes": 200, "meshes": 150}
-MANY = {"scenes": 8000, "meshes": 2000}
+FEW = {"scenes": 200, "meshes": 150, "robots": 100}
+MANY = {"scenes": 12_000, "meshes": 2000, "robots": 2000}
 
 
 def check(kind: str, first: int, count: int, folder: Path) -> None:
@@ -27,7 +28,8 @@ def check(kind: str, first: int, count: int, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", FEW)
-def test_what_mutants_are_made_of_is_read(kind: str, tmp_path: Path) -> None:
+def test_what_mutants_are_made_of_is_read(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platformdirs, "user_cache_dir", lambda name: str(tmp_path / "cache" / name))
     for path in good_inputs(kind, tmp_path):
         outcome = answer(kind, path)
         assert outcome.verdict == READ, f"{path.parent.name}: {outcome.said}"

@@ -125,3 +125,34 @@ def test_triangles_without_area_go_and_equal_ones_stay_once_but_two_sided_ones_t
     a, b, c, d = np.eye(3)[0], np.eye(3)[1], np.eye(3)[2], np.ones(3)
     triangles = np.array([[a, b, c], [b, c, a], [c, b, a], [a, a, b], [a, b, d], [a, (a + b) / 2, b]])
     np.testing.assert_array_equal(drop_degenerate(triangles), triangles[[0, 2, 4]])
+
+
+def test_a_cut_off_binary_file_is_refused_by_its_length(tmp_path) -> None:
+    path = tmp_path / "cut.stl"
+    whole = bytes(80) + (2).to_bytes(4, "little") + bytes(100)
+    path.write_bytes(whole[:-7])
+    with pytest.raises(InputError, match=r"binary STL of 2 triangles has 184 bytes, this one 177"):
+        read_mesh(path)
+
+
+def test_corners_of_two_numbers_are_refused(tmp_path) -> None:
+    path = tmp_path / "flat.stl"
+    path.write_text("solid a\nfacet normal 0 0\nouter loop\n" + "vertex 0 1\n" * 3 + "endloop\nendfacet\nendsolid a\n")
+    with pytest.raises(InputError, match="not a readable mesh"):
+        read_mesh(path)
+
+
+def test_a_name_in_another_encoding_is_no_reason_to_refuse_a_mesh(tmp_path) -> None:
+    path = tmp_path / "name.obj"
+    path.write_bytes("o Größe\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode("latin-1"))
+    assert read_mesh(path).shape == (1, 3, 3)
+
+
+def test_the_index_that_is_wrong_is_named(tmp_path) -> None:
+    path = tmp_path / "negative.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_text(
+        head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 -5 2\n"
+    )
+    with pytest.raises(InputError, match="names vertex -5, expected 0 to 2"):
+        read_mesh(path)
