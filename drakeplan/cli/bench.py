@@ -61,9 +61,9 @@ def run(arguments: Arguments) -> int:
     if arguments.name and arguments.name not in BENCHES:
         raise unknown_name("benchmark", arguments.name, BENCHES)
     page = Path(arguments.page) if arguments.page is not None else PAGE if PAGE.parent.is_dir() else None
-    _check_outputs(page, Path(arguments.database))
     if arguments.case is not None and not Path(arguments.case).is_file():
         raise InputError(f"--case: there is no file {arguments.case}")
+    _check_outputs(page, Path(arguments.database))
     tables = []
     for name in [arguments.name] if arguments.name else BENCHES:
         for table in _run_one(name, arguments, page):

@@ -34,11 +34,15 @@ def load_scene(source: str, *, seed: int = 0) -> Scene:
     path = Path(source)
     if path.suffix.lower() in MESH_SUFFIXES:
         return _scene_of_mesh(path.stem, path, path.name)
-    if path.suffix.lower() in SCENE_SUFFIXES or path.is_file():
+    try:
+        is_file, is_there = path.is_file(), path.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        is_file = is_there = False
+    if path.suffix.lower() in SCENE_SUFFIXES or is_file:
         from scenes.files.scene_file import read_scene  # pydantic: 0.2 s that named scenes do not need
 
         return read_scene(path)
-    if path.exists():
+    if is_there:
         raise InputError(f"{source}: not a regular file; expected a scene name, a scene file or a mesh file")
     raise unknown_name("scene", source, [*NAMED_SCENES, *(HPP + name for name in hpp_meshes())])
 

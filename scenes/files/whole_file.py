@@ -37,8 +37,11 @@ def require_writable(path: str | Path) -> None:
     """
     path = Path(path)
     folder = path.parent
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: cannot be written (it is {'a folder' if path.is_dir() else 'not a plain file'})")
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: cannot be written (it is {'a folder' if path.is_dir() else 'not a plain file'})")
+    except OSError as error:  # a name that no file can have
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
     if not folder.is_dir():
         raise InputError(f"{path}: cannot be written (there is no folder {folder})")
     if not os.access(folder, os.W_OK | os.X_OK):

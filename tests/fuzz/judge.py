@@ -99,7 +99,7 @@ def _answer(kind: str, path: Path) -> Outcome:
     seconds = time.process_time() - began
     fault = ""
     if verdict == REFUSED:
-        fault = _not_one_line(said, path)
+        fault = _not_one_line(said, path, names_file=getattr(import_module(KINDS[kind]), "NAMES_FILE", True))
     if heard and not all(line.startswith("WARNING:drake:") for line in heard[0].splitlines()):
         fault = f"said besides: {heard[0]}"  # Drake's warnings are for users, a line each
     for warning in warned:
@@ -112,12 +112,12 @@ def _answer(kind: str, path: Path) -> Outcome:
     return Outcome(verdict, said, seconds)
 
 
-def _not_one_line(said: str, path: Path) -> str:
+def _not_one_line(said: str, path: Path, *, names_file: bool) -> str:
     if not said.isprintable():
         return "a refusal that is not one printable line"
     if len(said) > LONGEST:
         return f"a refusal of {len(said)} letters"
-    if str(path.parent) not in said and f"scene {path.stem}" not in said and not _names_scene(said):
+    if names_file and str(path.parent) not in said and f"scene {path.stem}" not in said and not _names_scene(said):
         return "a refusal that does not name the file"
     return ""
 

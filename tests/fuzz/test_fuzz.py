@@ -11,8 +11,8 @@ from good_inputs import good_inputs
 from judge import READ, REFUSED, answer
 
 SEED = 20261129
-FEW = {"scenes": 200, "meshes": 150, "robots": 100}
-MANY = {"scenes": 12_000, "meshes": 2000, "robots": 2000}
+FEW = {"scenes": 200, "meshes": 150, "robots": 100, "commands": 100}
+MANY = {"scenes": 12_000, "meshes": 2000, "robots": 2000, "commands": 500}
 
 
 def check(kind: str, first: int, count: int, folder: Path) -> None:
@@ -23,7 +23,7 @@ def check(kind: str, first: int, count: int, folder: Path) -> None:
     assert not summary.faults, f"{summary.line()}\n{wrong}"
     assert sum(summary.verdicts.values()) == count
     # A fuzzer that makes only rubbish, or only good files, tests nothing.
-    assert summary.verdicts[READ] >= 0.1 * count
+    assert summary.verdicts[READ] >= 0.05 * count
     assert summary.verdicts[REFUSED] >= 0.2 * count
 
 
