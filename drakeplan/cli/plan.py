@@ -110,6 +110,8 @@ class Arguments:
     """time for improvement after the first plan [s]"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
+    no_palms: bool = False
+    """plan with the feet alone"""
     explain: bool = False
     """if the dynamics of a contact sequence are infeasible: print what blocks them, and which changes are enough
     to change (takes up to half a minute)"""
@@ -238,6 +240,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         deadline=arguments.deadline,
         improve=arguments.improve,
         expansions=arguments.expansions,
+        use_palms=not arguments.no_palms,
         stop=interrupted,
         used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
         keep=telling.keep,

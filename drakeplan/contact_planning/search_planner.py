@@ -223,6 +223,16 @@ class SearchPlanner:
             return f"{LIMIT_REACHED[search.ended_by]} after {search.expansions} expansions; {why}"
         return f"search exhausted after {search.expansions} expansions; {why}"
 
+    def nearest(self) -> tuple[tuple[float, float, float], float] | None:
+        """Where the mean of the feet came nearest to the goal in the last search, and how near [m]; None before one."""
+        states = [] if self.search is None else self.search.reached()
+        if not states:
+            return None
+        means = np.array([self._stance(s).feet_mean() for s in states])
+        away = np.hypot(*(means[:, :2] - self.context.goal.xyz[:2]).T)
+        x, y, z = means[np.argmin(away)].tolist()
+        return (x, y, z), float(away.min())
+
     def _start_distance(self) -> float:
         """Distance from the start to the goal, as the heuristic measures it without going beyond the grid [m]."""
         beyond, self.domain.beyond_grid = self.domain.beyond_grid, False

@@ -11,6 +11,7 @@ from drakeplan.context import QueryContext
 from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
+from drakeplan.query.obstacle import find_obstacle
 from drakeplan.query.options import PlanOptions, check_options, with_options
 from drakeplan.query.query import Query
 from drakeplan.query.record import QueryRecord
@@ -28,6 +29,8 @@ from scenes.transition_model import transition_model
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
 COMPILING = 5.0  # [s] after which loading kernels must be compiling them
 MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
+RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
+LEAST_RESERVE = 0.1  # [s] with less nothing is asked
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
 
 
@@ -82,6 +85,7 @@ def plan_scene(
         tell(ProgressEvent("search", record.notes[-1]))
         second = _attempt(context, options, "quasi-static", record, tell)
         result = dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))
+    result = _with_obstacle(result, context, options, dynamics)
     return _explained(result, context, options) if options.explain else result
 
 
@@ -102,7 +106,20 @@ def _attempt(
 ) -> PlanResult:
     """One query with these dynamics; learned ones that the user did not ask for leave time for another."""
     record.dynamics = dynamics if planner_entry(options.planner).judges_transitions else ""
-    wanted = PlannerOptions(
+    planner = make_planner(options.planner, context, _planner_options(context, options, dynamics))
+    reason = planner.start_problem()
+    if reason:
+        return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
+    query = Query(context, options, planner, record, tell)
+    search_for = max(context.deadline.left() - reserve(options), 0.0)
+    if options.dynamics is None and dynamics == "learned":
+        return query.run(search_for / 2, TRIED_REPAIRS)
+    return query.run(search_for, MAX_REPAIRS)
+
+
+def _planner_options(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> PlannerOptions:
+    """What is asked of the planner of contacts."""
+    return PlannerOptions(
         seed=options.seed,
         use_palms=options.use_palms,
         heuristic=options.heuristic,
@@ -110,19 +127,18 @@ def _attempt(
         timing=options.timing,
         model=transition_model(options.transition_model or context.scene.transition_model or "experiments"),
     )
-    planner = make_planner(options.planner, context, wanted)
-    reason = planner.start_problem()
-    if reason:
-        return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
-    query = Query(context, options, planner, record, tell)
-    if options.dynamics is None and dynamics == "learned":
-        return query.run(context.deadline.left() / 2, TRIED_REPAIRS)
-    return query.run(context.deadline.left(), MAX_REPAIRS)
+
+
+def reserve(options: PlanOptions) -> float:
+    """Seconds that the search leaves for finding out what stands in its way."""
+    searches = planner_entry(options.planner).judges_transitions
+    return min(RESERVE * options.deadline, MOST_RESERVE) if searches else 0.0
 
 
 def _may_fall_back(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> bool:
     """Whether learned dynamics were the default and there is time for a second query."""
-    return options.dynamics is None and dynamics == "learned" and not context.deadline.why()
+    left = context.deadline.left() > reserve(options)
+    return options.dynamics is None and dynamics == "learned" and left and not context.deadline.why()
 
 
 def _dynamics(context: QueryContext, options: PlanOptions, notes: list[str]) -> DynamicsName:
@@ -156,6 +172,21 @@ def _not_learned(context: QueryContext, options: PlanOptions) -> str:
     if best < surrogate.friction[0] - FRICTION_TOLERANCE:  # else what is slippery is left to the exact program
         return f"learned dynamics exist only for friction {surrogate.friction[0]:g} and above"
     return ""
+
+
+def _with_obstacle(
+    result: PlanResult, context: QueryContext, options: PlanOptions, dynamics: DynamicsName
+) -> PlanResult:
+    """The result with what stands in the way, where no contacts were found and there is time to find that out."""
+    seconds = min(context.deadline.left(), MOST_RESERVE)
+    if result.status != "none" or result.refusal is not None or not reserve(options):
+        return result
+    if context.deadline.why() or seconds < LEAST_RESERVE:
+        return result
+    obstacle = find_obstacle(context, _planner_options(context, options, dynamics), seconds)
+    reason = f"{result.reason}; {obstacle.text}"
+    report = {**result.report, "reason": reason, "obstacle": obstacle.as_dict()}
+    return dataclasses.replace(result, reason=reason, report=report)
 
 
 def _explained(result: PlanResult, context: QueryContext, options: PlanOptions) -> PlanResult:

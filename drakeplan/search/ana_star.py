@@ -169,6 +169,10 @@ class AnaStar(Generic[State]):
             return 1.0
         return max(1.0, max(self._ratio(n) for n in open_nodes))
 
+    def reached(self) -> list[State]:
+        """The states to which the cheapest known way was confirmed, the start among them."""
+        return [state for state, node in self._best_open.items() if node.confirmed or node.parent is None]
+
     def run(self) -> Iterator[Incumbent[State]]:
         """Yields ever better paths until a limit fires or nothing better is left; `ended_by` says which."""
         self._began = self.clock()

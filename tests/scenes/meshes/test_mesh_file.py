@@ -81,7 +81,11 @@ BROKEN = {
     "obj, nan": (".obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a vertex is not finite"),
     "obj, empty": (".obj", "", "holds no faces"),
     "stl, empty": (".stl", "", "holds no faces"),
-    "stl, cut short": (".stl", b"\0" * 80 + b"\x05\0\0\0" + b"\0" * 20, "a binary STL of 5 triangles has 334 bytes, this one 104"),
+    "stl, cut short": (
+        ".stl",
+        b"\0" * 80 + b"\x05\0\0\0" + b"\0" * 20,
+        "a binary STL of 5 triangles has 334 bytes, this one 104",
+    ),
     "stl, words": (".stl", "hello world " * 20, "holds no faces"),
     "ply, bad index": (".ply", PLY.format(last=7), "a face names vertex 7, expected 0 to 2"),
     "ply, negative index": (".ply", PLY.format(last=-1), "expected 0 to 2"),

@@ -1,0 +1,124 @@
+"""What stands in the way: named where the change that removes it, and it alone, opens a way."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.context import QueryContext
+from drakeplan.query.obstacle import Obstacle, find_obstacle
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
+from drakeplan.query.relaxations import needed_friction, relaxations
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.pose import pose_matrix
+from scenes.robots.robot import load_robot
+from scenes.scene import Goal, Scene, Start
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box, Terrain
+from scenes.transition_model import transition_model
+
+ESCHER = load_robot("escher")
+IK = WholeBodyIK(ESCHER)
+AMPLE = 20.0  # [s] the budgets of expansions are what ends a search here
+FEET = PlannerOptions(use_palms=False)
+
+
+def slab(name: str, x: tuple[float, float], y: tuple[float, float] = (-0.6, 0.6), friction: float = 0.7) -> Surface:
+    corners = [[x[0], y[0], 0.0], [x[1], y[0], 0.0], [x[1], y[1], 0.0], [x[0], y[1], 0.0]]
+    return Surface(name, np.array(corners), friction)
+
+
+def context(surfaces: list[Surface], goal: float, obstacles: tuple[Box, ...] = (), z: float = 0.0) -> QueryContext:
+    scene = Scene("test", Terrain(tuple(surfaces), obstacles), Start((0.0, 0.0, 0.0)), Goal((goal, 0.0, z)))
+    return QueryContext(scene, ESCHER, IK)
+
+
+def obstacle(of: QueryContext, options: PlannerOptions = FEET) -> Obstacle:
+    found = find_obstacle(of, options, AMPLE)
+    assert json.loads(json.dumps(found.as_dict()))["kind"] == found.kind
+    return found
+
+
+@pytest.mark.parametrize("gap", [0.35, 0.4, 0.45])
+def test_a_gap_names_the_steps_that_cross_it(gap: float) -> None:
+    enough = "long_stride"
+    found = obstacle(context([slab("here", (-0.8, 0.5)), slab("there", (0.5 + gap, 2.2 + gap))], 1.2 + gap))
+    assert (found.kind, found.obstacle, found.remedy) == ("stride", "there", f"--transition-model {enough}")
+    assert found.limit["stride_m"] >= gap + 2 * ESCHER.effectors[0].half_extent[0] > found.limit["reach_m"] == 0.4
+    assert found.place is not None and 0.3 < found.place[0] < 0.7 + gap
+    assert found.tested[f"steps of {enough}"] == "found"
+    assert list(found.tested.values()).count("found") == 1
+
+
+def test_a_gap_that_no_steps_cross_names_none() -> None:
+    found = obstacle(context([slab("here", (-0.8, 0.5)), slab("there", (2.5, 4.0))], 3.2))
+    assert (found.kind, found.remedy) == ("unknown", "")
+    assert "found" not in found.tested.values()
+    assert "steps of leap_stride" in found.text
+
+
+@pytest.mark.parametrize("height", [1.3, 1.5])
+def test_a_beam_names_its_height_and_the_robots(height: float) -> None:
+    beam = Box("beam", np.array([0.6, 3.0, 0.3]), pose_matrix((0.9, 0.0, height + 0.15), (0.0, 0.0, 0.0)))
+    aside = Box("aside", np.array([0.2, 0.2, 0.2]), pose_matrix((0.9, 3.0, 0.1), (0.0, 0.0, 0.0)))
+    found = obstacle(context([slab("floor", (-0.8, 2.6))], 1.8, (aside, beam)), FEET)
+    assert (found.kind, found.obstacle) == ("collision", "box 'beam'")
+    assert found.limit["clearance_m"] == pytest.approx(height)
+    assert found.limit["needed_m"] == pytest.approx(1.65)
+    assert found.tested["no box 'beam'"] == "found"
+
+
+@pytest.mark.parametrize("degrees", [35.0, 40.0])
+def test_a_slope_names_the_friction_that_it_needs(degrees: float) -> None:
+    rise = np.tan(np.deg2rad(degrees))
+    up = Surface(
+        "ramp", np.array([[0.4, -0.6, 0], [1.3, -0.6, 0.9 * rise], [1.3, 0.6, 0.9 * rise], [0.4, 0.6, 0]]), 0.5
+    )
+    top = Surface("top", slab("", (1.3, 2.8)).vertices + np.array([0.0, 0.0, 0.9 * rise]))
+    found = obstacle(context([slab("floor", (-0.8, 0.4)), up, top], 1.9, z=0.9 * rise))
+    assert needed_friction(up.normal) == pytest.approx(rise)
+    assert (found.kind, found.obstacle) == ("friction", "ramp")
+    assert found.limit["needed"] == pytest.approx(rise)
+    assert f"slope 'ramp' of {degrees:.0f} deg needs friction {rise:.2f}, has 0.5" in found.text
+
+
+def test_friction_that_holds_a_foot_is_no_rung() -> None:
+    on = context([slab("floor", (-0.8, 2.6))], 1.0)
+    assert "friction" not in [rung.kind for rung in relaxations(on, FEET)]
+    longest = PlannerOptions(model=transition_model("leap_stride"))
+    assert "stride" not in [rung.kind for rung in relaxations(on, longest)]
+    assert [rung.kind for rung in relaxations(on, FEET)] == ["search", "stride", "stride", "sole"]
+
+
+def test_stones_of_a_sole_are_called_small() -> None:
+    stones = [
+        slab(f"s{k}", (0.55 + 0.35 * k - 0.1095, 0.55 + 0.35 * k + 0.1095), (y - 0.05, y + 0.05))
+        for k in range(3)
+        for y in [0.12 * (-1) ** k]
+    ]
+    found = obstacle(context([slab("here", (-0.8, 0.4)), *stones, slab("there", (1.45, 2.8))], 1.9), FEET)
+    assert found.kind == "sole"
+    assert found.obstacle in {"s0", "s1", "s2"}
+    assert "is 21.9 x 10 cm, a sole 22 x 10 cm" in found.text
+
+
+def test_what_feet_alone_do_is_said_with_the_option_for_it() -> None:
+    found = obstacle(context([slab("floor", (-0.8, 2.0))], 0.6), PlannerOptions(dynamics="learned"))
+    assert (found.kind, found.remedy) == ("search", "--no-palms --dynamics quasi-static")
+
+
+def test_a_query_carries_what_stands_in_its_way_as_a_sentence_and_as_data() -> None:
+    scene = context([slab("here", (-0.8, 0.5)), slab("there", (1.02, 2.6))], 1.7).scene
+    options = PlanOptions(dynamics="quasi-static", use_palms=False, expansions=20, deadline=120.0)
+    result = plan_scene(scene, ESCHER, options)
+    assert result.status == "none" and "goal unreachable" in result.reason
+    # Which of the two is found first depends on what the machine does in a second.
+    assert re.search(r"the way is open: --transition-model (long|leap)_stride$", result.reason)
+    data = result.report["obstacle"]
+    assert isinstance(data, dict) and data["kind"] == "stride"
+    assert result.report["reason"] == result.reason
