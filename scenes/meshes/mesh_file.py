@@ -45,7 +45,8 @@ def read_mesh(path: Path) -> np.ndarray:
     if not np.isfinite(triangles).all():
         raise InputError(f"{path}: a vertex is not finite, expected numbers")
     if path.suffix.lower() == ".dae":
-        triangles = triangles @ _collada_frame(data, path).T
+        with np.errstate(over="ignore", invalid="ignore"):  # a unit may be of any size
+            triangles = triangles @ _collada_frame(data, path).T
     return triangles
 
 

@@ -91,7 +91,7 @@ def import_mesh(
     """
     X_WM = np.eye(4) if X_WM is None else X_WM
     triangles = read_mesh(path)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         triangles = triangles * (1.0 if scale is None else scale)
         triangles = triangles @ X_WM[:3, :3].T + X_WM[:3, 3]
     triangles, origin_offset, moved = _without_offset(triangles, path, origin_offset)

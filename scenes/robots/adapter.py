@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 from lxml import etree  # type: ignore[attr-defined]
+from scipy.spatial import QhullError
 
 from scenes.files.cache_folder import cache_folder
 from scenes.input_error import InputError
@@ -278,7 +279,7 @@ class _Model:
                     limit.set(key, repr(value))
 
     def _convert_collisions(self) -> None:
-        from scenes.robots.meshes import hull_obj, points_of
+        from scenes.robots.meshes import points_of
 
         hulls: dict[str, list[np.ndarray]] = {}
         for name, link in self.links.items():
@@ -292,11 +293,11 @@ class _Model:
                 X = X_OL @ origin(collision)
                 points = points @ X[:3, :3].T + X[:3, 3]
                 if owner == name and not self._owns_group(name):
-                    self._add_hull(name, hull_obj(points))
+                    self._add_hull(name, points)
                 else:
                     hulls.setdefault(owner, []).append(points)
         for owner, parts in hulls.items():
-            self._add_hull(owner, hull_obj(np.concatenate(parts)))
+            self._add_hull(owner, np.concatenate(parts))
 
     def _owns_group(self, name: str) -> bool:
         return any(group[0] == name for group in self.changes.one_hull)
@@ -313,7 +314,15 @@ class _Model:
             name = joint.find("parent").get("link")
         return group[0], X
 
-    def _add_hull(self, link: str, text: str) -> None:
+    def _add_hull(self, link: str, points: np.ndarray) -> None:
+        from scenes.robots.meshes import hull_obj
+
+        try:
+            text = hull_obj(points)
+        except QhullError:
+            raise InputError(
+                f"{self.urdf}: link {link!r}: its collision mesh is a point or a line, expected a body"
+            ) from None
         count = sum(1 for f in self.files if f.startswith(f"{link}_hull"))
         name = f"{link}_hull{count}"
         self.files[f"{name}.obj"] = text

@@ -79,7 +79,7 @@ def _with_obj_meshes(model: Path, addresses: Addresses, folder: Path) -> Path:
     """A copy of the model whose meshes are absolute paths of files that Drake takes."""
     try:
         tree = etree.parse(str(model), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
-    except etree.XMLSyntaxError as error:
+    except (etree.XMLSyntaxError, OSError) as error:  # the latter for bytes that are not in the encoding
         raise InputError(f"{model}: not XML ({error})") from None
     compiler = tree.getroot().find("compiler")
     base = model.parent
@@ -170,7 +170,8 @@ class _Writer:
         mass, com = inertia.get_mass(), np.array(inertia.get_com())
         if mass > 0.0:
             about_com = inertia.CalcRotationalInertia().CopyToFullMatrix3()
-            about_com = about_com - mass * ((com @ com) * np.eye(3) - np.outer(com, com))
+            with np.errstate(over="ignore", invalid="ignore"):  # the adapter refuses what is not finite
+                about_com = about_com - mass * ((com @ com) * np.eye(3) - np.outer(com, com))
             inertial = etree.SubElement(link, "inertial")
             inertial.append(_origin(RigidTransform(com)))
             etree.SubElement(inertial, "mass", value=f"{mass:.12g}")

@@ -200,7 +200,7 @@ def _effector(entry: RobotEntry, name: str) -> EffectorSpec:
 def _read_model(model: Path) -> etree._ElementTree:
     try:
         return etree.parse(str(model), etree.XMLParser(resolve_entities=False, no_network=True))
-    except etree.XMLSyntaxError as error:
+    except (etree.XMLSyntaxError, OSError) as error:
         raise InputError(f"{model}: not a readable URDF ({error})") from None
 
 

@@ -142,6 +142,16 @@ def test_a_flat_collision_mesh_gives_no_warnings(tmp_path: Path, recwarn: pytest
     assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
 
 
+def test_a_collision_mesh_that_is_a_point_is_named(tmp_path: Path) -> None:
+    from mesh_mutants import box, stl_bytes
+
+    path = write_robot("meshes.urdf", tmp_path)
+    vertices, faces = box((0, 0, 0), (1, 1, 1))
+    (tmp_path / "pelvis.stl").write_bytes(stl_bytes((0 * vertices, faces)))
+    with pytest.raises(InputError, match=r"meshes.urdf: link 'pelvis': its collision mesh is a point"):
+        load_robot(path)
+
+
 @pytest.mark.parametrize("key", ["\x1b[31mred", "ü\u202e", "x" * 20_000])
 def test_any_key_of_a_scene_is_shown_in_one_short_printable_line(key: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
