@@ -215,7 +215,7 @@ def _walk_around(
         sharp = sharp and turn > -BACK
         turned += max(turn, 0.0)
         if turned > 2 * np.pi - ENTERS:
-            return count, sharp
+            return count, sharp  # pyright: ignore[reportReturnType]
         ux, uy = vx, vy
         if j >= 0:
             row = leaving_row(T, w)

@@ -111,7 +111,7 @@ def _points(inspector: SceneGraphInspector, geometry: GeometryId) -> tuple[np.nd
         half = 0.5 * shape.length()
         return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), shape.radius()
     if isinstance(shape, Box):
-        return _corners(0.5 * shape.size()), 0.0
+        return _corners(0.5 * np.array(shape.size(), float)), 0.0
     if isinstance(shape, Cylinder):
         turn = 2 * np.pi * np.arange(SIDES) / SIDES
         ring = shape.radius() / np.cos(np.pi / SIDES) * np.column_stack([np.cos(turn), np.sin(turn)])

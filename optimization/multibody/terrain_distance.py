@@ -62,7 +62,12 @@ def near_terrain(
     room = max(64 * len(q), 256)
     while True:
         pairs = TerrainPairs(
-            *(np.empty(room, np.int64) for _ in range(3)), np.empty(room), np.empty((room, 2, 3)), np.empty((room, 3))
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
+            np.empty(room),
+            np.empty((room, 2, 3)),
+            np.empty((room, 3)),
         )
         found = _find(tree, shapes, packed, np.ascontiguousarray(q, float), float(distance), pairs)
         if found <= room:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from scenes.effector import is_foot
@@ -12,7 +14,7 @@ SIDES = ("top", "bottom", "front", "back", "left", "right")  # along z, -z, x, -
 OUTWARD = ((2, 1.0), (2, -1.0), (0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))  # axis and sign of each
 
 
-def box_sides(box: Box, effectors: list[str], friction: float) -> list[Surface]:
+def box_sides(box: Box, effectors: Sequence[str], friction: float) -> list[Surface]:
     """The sides of a box that carry these end effectors: feet where it is level enough, nothing where it looks down.
 
     Args:

@@ -158,6 +158,10 @@ def _localised(
         x, y, z = to_local(np.array(xyz, float), offset).tolist()
         return x, y, z
 
+    def place(xyz: tuple[float, float, float | None]) -> tuple[float, float, float | None]:
+        x, y, z = local((*xyz[:2], xyz[2] or 0.0))
+        return x, y, None if xyz[2] is None else z
+
     def moved(pose: PoseEntry) -> PoseEntry:
         return pose.model_copy(update={"xyz": local(pose.xyz)})
 
@@ -174,12 +178,12 @@ def _localised(
     ]
     start, goal = entry.start, entry.goal
     if start is not None and start.xyz is not None:
-        start = start.model_copy(update={"xyz": local(start.xyz)})
+        start = start.model_copy(update={"xyz": place(start.xyz)})
     if start is not None and start.stance is not None:
         held = {e: c.model_copy(update={"xyz": local(c.xyz)}) for e, c in start.stance if c is not None}
         start = start.model_copy(update={"stance": start.stance.model_copy(update=held)})
     if goal is not None:
-        goal = goal.model_copy(update={"xyz": local(goal.xyz)})
+        goal = goal.model_copy(update={"xyz": place(goal.xyz)})
     update = {"surfaces": surfaces, "obstacles": boxes, "disturbances": disturbances, "start": start, "goal": goal}
     return entry.model_copy(update=update), offset
 

@@ -143,7 +143,8 @@ def _inside_rim(flat: np.ndarray) -> BaseGeometry | None:
         return None
     points = (corners * GRID).reshape(-1, 3, 2)
     sides = np.stack([points, np.roll(points, -1, axis=1)], axis=2).reshape(-1, 2, 2)
-    shape = shapely.build_area(shapely.multilinestrings(shapely.linestrings(sides[count[edge] == 1])))
+    lines: np.ndarray = shapely.linestrings(sides[count[edge] == 1])  # pyright: ignore[reportAssignmentType]
+    shape: BaseGeometry = shapely.build_area(shapely.multilinestrings(lines))  # pyright: ignore[reportAssignmentType]
     one, two = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
     area = float((one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum()) / 2
     return shape if shape.is_valid and abs(shape.area - area) < 1e-9 * area + GRID**2 else None

@@ -339,7 +339,8 @@ def _outlines(
             continue
         axes = plane_axes(planes[k, 3:])[:2]
         segments = (points[np.stack([tail[edges], head[edges]], axis=1)] - planes[k, :3]) @ axes.T
-        shape = shapely.build_area(shapely.multilinestrings(shapely.linestrings(segments)))
+        lines: np.ndarray = shapely.linestrings(segments)  # pyright: ignore[reportAssignmentType]
+        shape = shapely.build_area(shapely.multilinestrings(lines))
         outlines.append((k, shapely.get_parts(shape)))
     return outlines
 

@@ -275,6 +275,15 @@ def test_heights_of_start_and_goal_are_options_of_their_own(monkeypatch: pytest.
     assert (placed.start.xyz[2], placed.goal.xyz) == (2.4, (1.0, 0.0, -1.5))
 
 
+@pytest.mark.parametrize(("words", "palms"), [([], True), (["--no-palms"], False)])
+def test_palms_are_used_unless_the_feet_are_to_do_alone(
+    words: list[str], palms: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planner = fake(monkeypatch, "none", "", None)
+    main(["plan", "flat", *words])
+    assert planner.options is not None and planner.options.use_palms == palms
+
+
 def test_a_height_that_is_no_number_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "flat", "--goal-z", "nan"]) == 2
     assert "--goal-z" in one_line(capsys)

@@ -55,3 +55,13 @@ def test_what_is_written_of_a_box_with_contacts_is_read_as_the_same_surfaces() -
 def test_an_unknown_end_effector_is_named() -> None:
     with pytest.raises(InputError, match=r"obstacles\[0\].contact"):
         scene_from_yaml(TEXT.replace("left_foot", "left_toe"), "text")
+
+
+def test_a_georeferenced_start_may_leave_its_height_open() -> None:
+    text = TEXT.replace("xyz: [0, 0, -0.5]", "xyz: [431250, 5411000, -0.5]").replace(
+        "xyz: [0, 1, 1]", "xyz: [431250, 5411001, 1]"
+    )
+    scene = scene_from_yaml(text + "start: {xyz: [431250, 5411000]}\ngoal: {xyz: [431252, 5411000, null]}\n", "text")
+    assert scene.origin_offset is not None and scene.start is not None and scene.goal is not None
+    assert np.isnan(scene.start.xyz[2]) and np.isnan(scene.goal.xyz[2])
+    assert scene.goal.xyz[0] - scene.start.xyz[0] == pytest.approx(2.0)
