@@ -315,6 +315,8 @@ class _Telling(contextlib.AbstractContextManager):
             if self._wire is None:
                 return
             self._wire.tell(stage=" ".join([event.stage, event.message]).rstrip())
+            if event.stage == "explain":  # asked for beyond the deadline
+                self.answering()
             if event.stage == "search" and self._deadline is None:
                 self._deadline = Deadline(options.deadline, None, options.used)
                 self._deadline.start()

@@ -86,7 +86,10 @@ def plan_scene(
         second = _attempt(context, options, "quasi-static", record, tell)
         result = dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))
     result = _with_obstacle(result, context, options, dynamics)
-    return _explained(result, context, options) if options.explain else result
+    if options.explain and result.refusal is not None and result.refusal.without_dynamics:
+        tell(ProgressEvent("explain", "what blocks the dynamics, and what would free them"))
+        result = _explained(result, context, options)
+    return result
 
 
 def _load_kernels(context: QueryContext, tell: Progress) -> None:
