@@ -11,6 +11,7 @@ from scenes.terrain.surface import FOOT_MAX_TILT, Surface
 from scenes.terrain.terrain import Box
 
 SIDES = ("top", "bottom", "front", "back", "left", "right")  # along z, -z, x, -x, y, -y of the box
+NARROWEST = 0.01  # [m] a side narrower than this carries nothing
 OUTWARD = ((2, 1.0), (2, -1.0), (0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))  # axis and sign of each
 
 
@@ -32,7 +33,7 @@ def box_sides(box: Box, effectors: Sequence[str], friction: float) -> list[Surfa
         able = frozenset(
             e for e in effectors if tilt <= (FOOT_MAX_TILT if is_foot(e) else np.pi - FOOT_MAX_TILT) + 1e-9
         )
-        if able:
+        if able and np.delete(half, axis).min() > NARROWEST / 2:
             vertices = corners @ box.X_WO[:3, :3].T + box.X_WO[:3, 3]
             sides.append(Surface(f"{box.name}/{name}", vertices, friction, able))
     return sides

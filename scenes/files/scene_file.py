@@ -48,6 +48,7 @@ CONTACT_OFF = 0.01  # [m] how far a given contact may lie off its surface
 CONTACT_TILT = np.cos(np.deg2rad(2.0))  # how well its z axis has to fit the surface normal
 FLATTENED = (1e-5, 5e-3)  # [m] corners farther than the first off their best plane are moved onto it, up to the second
 TWIN_CORNERS = 1e-6  # [m] corners nearer than this are one
+FAR_TWINS = 1e-3  # [m] the same where coordinates are so large that rounding could turn a smaller edge round
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -84,7 +85,10 @@ def scene_from_yaml(
     entry = parse_scene(load_yaml(text, source), source)
     notes: list[str] = []
     entry, offset = _localised(entry, notes)
-    surfaces = [_surface(e, i, entry.friction, source, notes) for i, e in enumerate(entry.surfaces)]
+    surfaces = [
+        _surface(e, i, entry.friction, source, notes, FAR_TWINS if offset else TWIN_CORNERS)
+        for i, e in enumerate(entry.surfaces)
+    ]
     flags = [False] * len(surfaces)
     boxes = [_box(e, i) for i, e in enumerate(entry.obstacles)]
     obstacles: list[Box | TriangleMesh] = [*boxes]
@@ -206,14 +210,12 @@ def _pose(pose: PoseEntry) -> np.ndarray:
     return pose_matrix(pose.xyz, pose.rpy)
 
 
-def _surface(entry: SurfaceEntry, index: int, friction: float, source: str, notes: list[str]) -> Surface:
+def _surface(
+    entry: SurfaceEntry, index: int, friction: float, source: str, notes: list[str], twins_within: float
+) -> Surface:
     """The surface of an entry, turned over where its `normal` or the feet that should stand on it ask for it."""
     where = f"surfaces[{index}]"
     vertices = np.array(entry.vertices, float)
-    twins = np.flatnonzero(np.linalg.norm(vertices - np.roll(vertices, -1, axis=0), axis=1) < TWIN_CORNERS)
-    if len(twins):
-        first, second = int(twins[0]), (int(twins[0]) + 1) % len(vertices)
-        raise InputError(f"{source}: {where}.vertices: expected corners apart, [{first}] and [{second}] are the same")
     name = entry.name or f"surface_{index}"
     flat, off_plane = flattened(vertices)
     if FLATTENED[0] < off_plane <= FLATTENED[1]:
@@ -221,6 +223,10 @@ def _surface(entry: SurfaceEntry, index: int, friction: float, source: str, note
         notes.append(
             f"{where}: {name!r} is not flat; its corners were moved onto the best plane, by up to {1e3 * off_plane:.2g} mm"
         )
+    twins = np.flatnonzero(np.linalg.norm(vertices - np.roll(vertices, -1, axis=0), axis=1) < twins_within)
+    if len(twins):
+        first, second = int(twins[0]), (int(twins[0]) + 1) % len(vertices)
+        raise InputError(f"{source}: {where}.vertices: expected corners apart, [{first}] and [{second}] are the same")
     effectors = None if entry.contact is None else frozenset(entry.contact)
     try:
         surface = Surface(name, vertices, friction if entry.friction is None else entry.friction, effectors)

@@ -69,7 +69,7 @@ class HeightMapEntry(_Strict):
     """An npz file with an array `height` [m], the edge of its cells, where its first height lies, and its friction."""
 
     file: Name
-    resolution: Positive
+    resolution: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-3, le=FAR)]
     origin: tuple[Easting, Easting] = (0.0, 0.0)
     friction: Friction | None = None
 

@@ -119,7 +119,8 @@ def _without_offset(
     if offset is None:
         offset = offset_for(points)
         notes = (offset_note(offset),)
-    spacing = float(np.spacing(np.float32(np.abs(points).max())))
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond the numbers of an STL file: refused later
+        spacing = float(np.spacing(np.float32(np.abs(points).max())))
     if path.suffix.lower() == ".stl" and spacing > COARSE:
         notes += (f"its single precision resolves {spacing:.2g} m this far out; export it about a local origin",)
     return to_local(triangles, offset), offset, notes

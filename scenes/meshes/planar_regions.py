@@ -87,7 +87,7 @@ def _coplanar_groups(
     """
     free = wanted.copy()
     # Normals within two degrees differ by less than a cell, so they lie in the seed's cell or one next to it.
-    cells = np.floor(normals / NORMAL_CELL).astype(np.int64)
+    cells = np.floor(np.nan_to_num(normals) / NORMAL_CELL).astype(np.int64)
     order = np.lexsort(cells.T[::-1])
     keys, starts = np.unique(cells[order], axis=0, return_index=True)
     members = dict(zip(map(tuple, keys.tolist()), np.split(order, starts[1:]), strict=True))

@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 from lxml import etree  # type: ignore[attr-defined]
-from scipy.spatial import QhullError
 
 from scenes.files.cache_folder import cache_folder
 from scenes.input_error import InputError
@@ -315,6 +314,8 @@ class _Model:
         return group[0], X
 
     def _add_hull(self, link: str, points: np.ndarray) -> None:
+        from scipy.spatial import QhullError
+
         from scenes.robots.meshes import hull_obj
 
         try:
