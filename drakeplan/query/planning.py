@@ -15,6 +15,7 @@ from drakeplan.query.obstacle import find_obstacle
 from drakeplan.query.options import PlanOptions, check_options, with_options
 from drakeplan.query.query import Query
 from drakeplan.query.record import QueryRecord
+from drakeplan.query.refusal import Refusal
 from drakeplan.query.result import PlanResult
 from drakeplan.query.warm_up import warm_up
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
@@ -86,9 +87,10 @@ def plan_scene(
         second = _attempt(context, options, "quasi-static", record, tell)
         result = dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))
     result = _with_obstacle(result, context, options, dynamics)
-    if options.explain and result.refusal is not None and result.refusal.without_dynamics:
+    refusal = result.refusal
+    if options.explain and refusal is not None and refusal.without_dynamics:
         tell(ProgressEvent("explain", "what blocks the dynamics, and what would free them"))
-        result = _explained(result, context, options)
+        result = _explained(result, refusal, context, options)
     return result
 
 
@@ -192,11 +194,8 @@ def _with_obstacle(
     return dataclasses.replace(result, reason=reason, report=report)
 
 
-def _explained(result: PlanResult, context: QueryContext, options: PlanOptions) -> PlanResult:
-    """The result with what stands in the way of the refused sequence's dynamics, where it has none."""
-    refusal = result.refusal
-    if refusal is None or not refusal.without_dynamics:
-        return result
+def _explained(result: PlanResult, refusal: Refusal, context: QueryContext, options: PlanOptions) -> PlanResult:
+    """The result with what stands in the way of the refused sequence's dynamics."""
     explanation = explain_sequence(context, refusal.sequence.stances, options.timing, refusal.reason)
     report = {**result.report, "explanation": explanation.as_dict()}
     return dataclasses.replace(result, report=report, explanation=explanation)
