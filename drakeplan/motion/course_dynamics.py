@@ -15,11 +15,13 @@ from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.program import CentroidalProgram
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.kinodynamic.joint_torques import TorqueRows
+from scenes.effector import EFFECTORS
 from scenes.robots.robot import Robot
 
 # Lin 2020 sec. 6.7, with a pull towards the key postures that Lin 2020 does not have: without it the CoM takes
 # the least effort over the feet, wherever the legs reach.
 WEIGHTS = CentroidalWeights(com_tracking=2e4)
+REACH_ROOM = 0.005  # [m] that limbs may reach further than in the postures of the course
 BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
 
 
@@ -155,8 +157,30 @@ class SequenceDynamics:
             angular_momentum_reference=np.vstack([np.zeros(3), spin[1:]]),
         )
 
+    def _widen_reach(self, problem: CentroidalProblem) -> bool:
+        """Lets every limb reach as far as it does in the postures that the reference comes from; True where that is new.
+
+        The robot's reach is one number for each limb and holds wherever the limb points; a posture that has been found
+        says more about its place than that number does.
+        """
+        assert problem.com_reference is not None
+        reach = list(self._usual.com_reach)
+        active = self.contacts.active
+        for number, contact in enumerate(self.contacts.contacts):
+            knots = np.flatnonzero((active == number).any(axis=1))
+            away = problem.com_reference[np.union1d(knots, knots + 1)] - contact.p_WC
+            e = EFFECTORS.index(contact.effector)
+            reach[e] = max(reach[e], float(np.linalg.norm(away, axis=1).max(initial=0.0)) + REACH_ROOM)
+        wider = any(new > old + REACH_ROOM for new, old in zip(reach, self._usual.com_reach, strict=True))
+        if wider:
+            self._usual = replace(self._usual, com_reach=tuple(np.add(reach, REACH_ROOM).tolist()))
+        return wider
+
     def _program(self, pull: float, problem: CentroidalProblem, torques: TorqueRows | None) -> CentroidalProgram:
         known = self._programs.get(pull)
+        if self._widen_reach(problem):
+            self._programs.clear()
+            known = None
         if torques is not None:
             known = CentroidalProgram(problem, relaxed(self._usual, pull))
             index = known.data.index["wrench"]

@@ -16,6 +16,7 @@ from shapely.geometry.polygon import orient
 from shapely.ops import nearest_points
 
 from drakeplan.motion.course_dynamics import ComCourse
+from drakeplan.motion.posture_branches import COMFORT, MISSED, best_of, holding_joints, on_one_branch
 from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.motion.separation import Room, Shortage, separate_bodies, shortages
 from drakeplan.motion.swing import SwingCurve
@@ -25,6 +26,7 @@ from optimization.balance.friction import FrictionCone
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from optimization.multibody.kinematic_tree import KinematicTree
 from optimization.multibody.kinematics import Kinematics
 from scenes.contact import Contact
 from scenes.robots.plant import nominal_posture
@@ -36,6 +38,8 @@ MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 CLOSEST = 0.006  # [m] that bodies built to pass each other closely keep in a second attempt, and all in a third
+LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
+WHOLE_RANGE = 0.1  # [rad^2] what a posture costs that needs more of its joints' ranges than `KNEE_SLACK` leaves
 SPREAD = 0.06  # [m] distance that arms which hang free keep from everything else in key postures
 HALFWAY = 0.45  # share of a phase at which its middle posture is taken
 STRAIGHT = 0.008  # [m] that a CoM halfway between key postures may be off where it only shifts
@@ -190,6 +194,7 @@ def solve_key_postures(
     q = np.stack([standing_over(nominal_posture(robot), p, heading) for p, heading in _stands(schedule, placed)])
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
+    answer = on_one_branch(tree, targets, answer, placed, (GOOD_CONTACT, GOOD_COM))
     room = Room.of(robot, monitor, spread)
     answer = separate_bodies(tree, monitor, targets, answer, placed, room)
     keys = _judged(ik.kinematics, answer, polygons)
@@ -290,7 +295,7 @@ def solve_course(
         tree.lower + KNEE_SLACK,
         tree.upper - KNEE_SLACK,
     )
-    answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
+    answer = _between(tree, targets, keys, np.array(middle), place == HOLD)
     room = Room.of(robot, monitor, spread)
     q = separate_bodies(tree, monitor, targets, answer, np.where(place > 0.0, 0, -1), room).q
     reached = np.array([ik.kinematics.com(x) for x in q])
@@ -300,6 +305,30 @@ def solve_course(
     order = np.argsort(key_t)
     all_com = np.concatenate([keys.com, reached[needed]])
     return Course(key_t[order], np.concatenate([keys.q, q[needed]])[order], all_com[order])
+
+
+def _between(
+    tree: KinematicTree, targets: TrackingTargets, keys: KeyPostures, phase: np.ndarray, held: np.ndarray
+) -> TrackedPostures:
+    """Postures within phases: solved from the reference, from the key posture before and from the one after.
+
+    Of those that keep their contacts the one is taken whose holding limbs turn least on the way from key to key.
+    """
+    whole = replace(targets, lower=tree.lower + LIMIT_SLACK, upper=tree.upper - LIMIT_SLACK)
+    starts = (targets.q_ref, keys.q[phase], keys.q[phase + 1])
+    answers = [
+        track_postures(tree, each, q, chained=False, max_iterations=60) for each in (targets, whole) for q in starts
+    ]
+    limb = holding_joints(tree, held)
+    cost = np.empty((len(answers), len(phase)))
+    for k, answer in enumerate(answers):
+        joints = answer.q[:, 7:]
+        way = (joints - keys.q[phase, 7:]) ** 2 + (keys.q[phase + 1, 7:] - joints) ** 2
+        missed = np.where(held, answer.effector_error, 0.0).max(axis=1)
+        cost[k] = (limb * way).sum(axis=1) + COMFORT * ((joints - targets.q_ref[:, 7:]) ** 2).sum(axis=1)
+        cost[k] += MISSED * np.maximum(missed / GOOD_CONTACT - 1.0, 0.0)
+        cost[k] += WHOLE_RANGE * (k >= len(starts))
+    return best_of(answers, cost.argmin(axis=0))
 
 
 def _judged(kinematics: Kinematics, answer: TrackedPostures, polygons: tuple[np.ndarray, ...]) -> KeyPostures:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drakeplan.motion.posture_branches import limb_links
 from drakeplan.motion.proximity import KEEP, Encounters, ProximityMonitor
 from optimization.inverse_kinematics.frame_task import TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
@@ -80,7 +81,7 @@ def separate_bodies(
         apart: what everything but free arms keeps [m].
     """
     num = len(answer.q)
-    chains = {e: _chain(tree, e) for e in (2, 3)}
+    chains = {e: limb_links(tree, e) for e in (2, 3)}
     arms = {link: e for e, chain in chains.items() for link in chain[: len(chain) // 2]}  # forearms and hands
     for _ in range(ROUNDS):
         met = monitor.near(answer.q, range(num), room.spread + SEEN)
@@ -162,7 +163,7 @@ def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
     """
     num_links = tree.parent.shape[0]
     R, p = np.empty((num_links, 3, 3)), np.empty((num_links, 3))
-    links = [(_chain(tree, e)[-1], int(tree.frame_link[e])) for e in (0, 1)]
+    links = [(limb_links(tree, e)[-1], int(tree.frame_link[e])) for e in (0, 1)]
     normal, room = np.empty((len(q), 2, 3)), np.empty((len(q), 2))
     lengths = _lengths(tree)
     for b, row in enumerate(q):
@@ -184,14 +185,6 @@ def _legs(tree: KinematicTree, q: np.ndarray) -> tuple[Encounters, np.ndarray]:
     return pairs, room.ravel()
 
 
-def _chain(tree: KinematicTree, e: int) -> list[int]:
-    """Links from the one that carries end effector e up to the first below the base."""
-    chain = [int(tree.frame_link[e])]
-    while tree.parent[chain[-1]] > 0:
-        chain.append(int(tree.parent[chain[-1]]))
-    return chain
-
-
 def _lengths(tree: KinematicTree) -> np.ndarray:
     """(2,) length of each leg stretched, from its first joint to its last [m]."""
-    return np.array([np.linalg.norm(tree.p_PF[_chain(tree, e)[:-1]], axis=1).sum() for e in (0, 1)])
+    return np.array([np.linalg.norm(tree.p_PF[limb_links(tree, e)[:-1]], axis=1).sum() for e in (0, 1)])

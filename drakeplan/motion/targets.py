@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from drakeplan.motion.course_dynamics import monotone_course
-from drakeplan.motion.key_postures import COM, HOLD, Course, posture_weight
+from drakeplan.motion.key_postures import COM, HOLD, LIMIT_SLACK, Course, posture_weight
 from drakeplan.motion.swing import HOVER, RISE, SwingCurve, hover, plan_swing, smooth_step
 from drakeplan.timing.phases import BREAK, MAKE, MOVE, Schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
@@ -31,7 +31,6 @@ AROUND = 0.8  # how far that way bends away from the wall, in heights over the c
 TOUCH = 0.5  # share of that way over which it then goes from before the wall to the wall
 LATE = 0.16  # of an interval between knots that the CoM's course is played late
 MOST_LATE = 0.01  # [m]
-LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
 
 
 @dataclass(frozen=True)

@@ -308,6 +308,23 @@ def _add_distances(
 
 
 @njit(cache=True)
+def missing_distances(tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray) -> float:
+    """The part of the cost that the distances have which fall short.
+
+    Args:
+        tree: of the robot.
+        frame: what the frame should do.
+        R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+    """
+    rows, cost, at = frame.rows, 0.0, np.empty((2, 3))
+    for r in range(frame.first, frame.last):
+        missing = rows.wanted[r] - pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
+        if missing > 0.0:
+            cost += (rows.weight[r] * missing) ** 2
+    return cost
+
+
+@njit(cache=True)
 def add_missing_distances(
     tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, H: np.ndarray, g: np.ndarray
 ) -> float:
