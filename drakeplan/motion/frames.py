@@ -43,6 +43,8 @@ APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at 
 CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
 FOLLOW = (0.1, 0.05)  # weights of angular and linear momentum [1/(N m s), s/(kg m)]
 CALM = 3e-4  # weight of accelerations [s^2/rad]
+CALMER, NEAR_JERK = 6.0, 0.25  # how much more they weigh where joints jerk, and how far before and after [s]
+PROGRESS = 0.8  # of the least excess so far that another round must come under to be worth another
 GENTLE = 0.95  # share of the joints' speed limits that all frames together aim to keep
 STEPS, ENOUGH = 4, 0.03  # of Gauss-Newton over all frames, and the relative decrease of cost that ends it
 TORQUE_SHARE = 0.9  # of the joints' torque limits that the dynamics may use at the knots
@@ -128,6 +130,7 @@ class MotionFrames:
         self._free: np.ndarray | None = None
         self._apart, self._spread = APART, SPREAD
         self._bound = False
+        self._calmer = np.ones(len(self.t))
         self._plan_course()
 
     def solve_dynamics(self, knots: np.ndarray) -> str:
@@ -179,8 +182,9 @@ class MotionFrames:
                     break
                 gaps = (*gaps[:-1], self._settle())
             problems = self._problems()
+            stuck = bool(tried) and excess(problems) > PROGRESS * min(excess(one[0]) for one in tried)
             tried.append((problems, self.trajectory, self._answer, gaps))
-            if not problems or not self._try_harder(problems):
+            if not problems or stuck or not self._try_harder(problems):
                 break
             self._restart()
         problems, self.trajectory, self._answer, self.gaps = min(tried, key=lambda one: excess(one[0]))
@@ -258,7 +262,7 @@ class MotionFrames:
             dt=np.full(num - 1, step),
             momentum=momentum,
             weight=np.tile(np.repeat(FOLLOW, 3), (num - 1, 1)) * self.setting.feedback,
-            smooth=np.full(nv, CALM),
+            smooth=np.repeat(CALM * self._calmer[:, None], nv, axis=1),
             speed=GENTLE * self.tree.speed,
             v_start=np.zeros(nv),
             v_end=np.zeros(nv),
@@ -384,6 +388,8 @@ class MotionFrames:
         """Gives the next round more distance or other swings, or a tighter CoM; False where nothing is left to try."""
         before, detours = (self._apart, self._spread), dict(self._detours)
         for p in problems:
+            if p.kind == "jerk":
+                self._calmer[np.abs(self.t - p.time) < NEAR_JERK] *= CALMER
             if p.kind == "sole collision":
                 detour = self._detours.get(p.transition, Detour())
                 if detour.raised < MOST_RAISED:
@@ -395,6 +401,7 @@ class MotionFrames:
         if (before[1], detours) != (self._spread, self._detours):
             self._plan_course()
         off = any(p.kind in ("com", "held") for p in problems) and not self._bound
+        off |= any(p.kind == "jerk" for p in problems)
         return before != (self._apart, self._spread) or detours != self._detours or off
 
     def _problems(self) -> list[Problem]:

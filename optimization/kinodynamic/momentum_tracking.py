@@ -57,7 +57,7 @@ class MomentumTargets:
         dt: (T - 1,) time from each frame to the next [s].
         momentum: (T - 1, 6) angular momentum about the CoM [N m s] and linear momentum [kg m/s] wanted on the way.
         weight: (T - 1, 6) of its errors [1/(N m s), s/(kg m)], 0 where it is free.
-        smooth: (nv,) weights of accelerations [s^2/rad, s^2/m].
+        smooth: (T, nv) weights of the accelerations at each frame [s^2/rad, s^2/m].
         speed: (nv - 6,) speed limits of the joints [rad/s]; inf where there is none.
         v_start, v_end: (nv,) velocities before the first and after the last frame that accelerations count from and
             to; None where they are free.
@@ -363,9 +363,9 @@ def _add_accelerations(links: _Links, v0: np.ndarray, v1: np.ndarray, t: int, be
     after = before if last else links.dt[t]
     tau = 0.5 * (before + after)
     for i in range(nv):
-        if np.isnan(v0[i]) or np.isnan(v1[i]) or links.smooth[i] <= 0.0:
+        if np.isnan(v0[i]) or np.isnan(v1[i]) or links.smooth[t, i] <= 0.0:
             continue
-        w = links.smooth[i] / tau
+        w = links.smooth[t, i] / tau
         miss = -w * (v1[i] - v0[i])
         cost += miss * miss
         # v1 = (q[t + 1] - q[t]) / after, v0 = (q[t] - q[t - 1]) / before

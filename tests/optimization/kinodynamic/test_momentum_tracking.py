@@ -56,7 +56,7 @@ def joined(frames: int = FRAMES, weight: float = 0.3, smooth: float = 1e-2) -> M
         dt=np.full(frames - 1, STEP),
         momentum=momentum,
         weight=np.tile([weight, weight, weight, 0.0, 0.0, 0.0], (frames - 1, 1)),
-        smooth=np.full(NV, smooth),
+        smooth=np.full((frames, NV), smooth),
         speed=TREE.speed,
         v_start=np.zeros(NV),
         v_end=np.zeros(NV),
