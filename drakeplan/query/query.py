@@ -36,6 +36,7 @@ from scenes.stance import Stance
 
 # Times a limit of the motion stage that its worst problem may be; the verifier's own limits are a little wider.
 WORTH_VERIFYING = 1.3
+STATIC_SHARE = 0.5  # of the time for searching after which a search that also asks for static balance gives up
 
 
 class Query:
@@ -90,7 +91,8 @@ class Query:
             return self._incomplete()
 
     def _repeat(self, search_for: float, max_repairs: int) -> PlanResult:
-        for repair in range(max_repairs + 1):
+        self.planner.require_static_balance(True)
+        for _ in range(max_repairs + 1):
             sequence = self._sequence = self._search(search_for)
             if sequence is None:
                 break
@@ -103,15 +105,17 @@ class Query:
                 break
             if not self._bar(self.refusal):
                 break
-            if repair == 0:
-                self.planner.require_static_balance(True)
         return self._incomplete()
 
     # 1 Search ------------------------------------------------------------------------------------------------------
 
     def _search(self, search_for: float) -> ContactPlan | None:
-        """The best sequence whose whole dynamics are feasible; where there is none, without static balance."""
-        sequence = self._last_feasible(self._incumbents(search_for))
+        """The best sequence whose whole dynamics are feasible; without static balance where there is none with it.
+
+        Dynamics alone allow what the legs can often not follow; a robot that can also rest at both ends of each transition
+        can nearly always be moved. Once a sequence without rest was needed the search does not go back.
+        """
+        sequence = self._last_feasible(self._incumbents(STATIC_SHARE * search_for if not self._rounds else search_for))
         if sequence is None and self.planner.require_static_balance(False):
             sequence = self._last_feasible(self._incumbents(search_for))
         if sequence is not None:
