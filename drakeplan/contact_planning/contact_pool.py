@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from scenes.contact import Contact
+from scenes.contact import Contact, patch_corners
 from scenes.effector import EFFECTORS
 from scenes.terrain.packed_terrain import PackedTerrain
 
@@ -22,6 +24,8 @@ class ContactPool:
         yaw: (n,) headings [rad].
         surface: (n,) surface indices.
         effector: (n,) indices into `EFFECTORS`.
+        frictions: (n,) Coulomb coefficients where the contacts are.
+        supports: number -> (V, 2) corners of the support [m], for contacts that do not rest on all of their patch.
     """
 
     def __init__(self, packed: PackedTerrain) -> None:
@@ -30,6 +34,8 @@ class ContactPool:
         self.size = 0
         self._p, self._R = np.zeros((256, 3)), np.zeros((256, 3, 3))
         self._yaw, self._surface, self._effector = np.zeros(256), np.zeros(256, int), np.zeros(256, int)
+        self._friction = np.zeros(256)
+        self.supports: dict[int, np.ndarray] = {}
 
     @property
     def p(self) -> np.ndarray:
@@ -53,8 +59,7 @@ class ContactPool:
 
     @property
     def frictions(self) -> np.ndarray:
-        """(n,) Coulomb coefficients where the contacts are."""
-        return self._packed.friction[self.surface]
+        return self._friction[: self.size]
 
     def add(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: np.ndarray, surface: np.ndarray) -> np.ndarray:
         """(n,) numbers of these contacts; near duplicates get the number of the first.
@@ -82,6 +87,9 @@ class ContactPool:
         """The number of a given contact, kept exactly as it is; near duplicates that come later get its number."""
         effector = EFFECTORS.index(contact.effector)
         number = self._append(effector, contact.p_WC, contact.R_WC, contact.heading, contact.surface)
+        self._friction[number] = contact.friction
+        if contact.support is not None:
+            self.supports[number] = contact.support
         cell = np.round(contact.p_WC / CELL).astype(int).tolist()
         self._number.setdefault((effector, contact.surface, *cell, round(contact.heading / TURN)), number)
         return number
@@ -92,20 +100,39 @@ class ContactPool:
         X_WC[:3, :3], X_WC[:3, 3] = self._R[number], self._p[number]
         surface = int(self._surface[number])
         effector = EFFECTORS[self._effector[number]]
-        return Contact(effector, surface, X_WC, float(self._packed.friction[surface]), float(self._yaw[number]))
+        friction, support = float(self._friction[number]), self.supports.get(number)
+        return Contact(effector, surface, X_WC, friction, float(self._yaw[number]), support)
 
     def friction(self, number: int) -> float:
         """Coulomb coefficient where this contact is."""
-        return float(self._packed.friction[self._surface[number]])
+        return float(self._friction[number])
+
+    def corners(self, numbers: Sequence[int], half_extents: np.ndarray) -> np.ndarray:
+        """(n, V, 2) corners of the supports of contacts in their frames [m], the last one repeated.
+
+        Args:
+            numbers: n contact numbers.
+            half_extents: (E, 2) of each end effector's patch [m].
+        """
+        whole = patch_corners(half_extents[self._effector[list(numbers)]])
+        partial = {k: self.supports[n] for k, n in enumerate(numbers) if n in self.supports}
+        if not partial:
+            return whole
+        most = max(4, *(len(corners) for corners in partial.values()))
+        filled = np.concatenate([whole, np.repeat(whole[:, -1:], most - 4, axis=1)], axis=1)
+        for k, corners in partial.items():
+            filled[k, : len(corners)], filled[k, len(corners) :] = corners, corners[-1]
+        return filled
 
     def _append(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: float, surface: int) -> int:
         if self.size == len(self._p):
-            for name in ("_p", "_R", "_yaw", "_surface", "_effector"):
+            for name in ("_p", "_R", "_yaw", "_surface", "_effector", "_friction"):
                 old = getattr(self, name)
                 grown = np.zeros((2 * len(old), *old.shape[1:]), old.dtype)
                 grown[: len(old)] = old
                 setattr(self, name, grown)
         k = self.size
         self._p[k], self._R[k], self._yaw[k], self._surface[k], self._effector[k] = p, R, yaw, surface, effector
+        self._friction[k] = self._packed.friction[surface]
         self.size += 1
         return k
