@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,18 @@ from scenes.terrain.packed_terrain import PackedTerrain
 Held = tuple[int, ...]  # contact numbers by end effector, -1 where free
 CELL = 0.02  # [m] contacts of one end effector nearer than this, on one surface, are one contact
 TURN = np.deg2rad(5.0)  # the same for the heading of a foot
+
+
+class Rest(NamedTuple):
+    """What a contact that may not rest on all of its patch rests on.
+
+    Attributes:
+        support: (V, 2) corners in the contact frame [m]; None: the whole patch after all.
+        friction: least Coulomb coefficient of what touches.
+    """
+
+    support: np.ndarray | None
+    friction: float
 
 
 class ContactPool:
@@ -61,7 +74,15 @@ class ContactPool:
     def frictions(self) -> np.ndarray:
         return self._friction[: self.size]
 
-    def add(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: np.ndarray, surface: np.ndarray) -> np.ndarray:
+    def add(
+        self,
+        effector: int,
+        p: np.ndarray,
+        R: np.ndarray,
+        yaw: np.ndarray,
+        surface: np.ndarray,
+        rests: Sequence[Rest | None] = (),
+    ) -> np.ndarray:
         """(n,) numbers of these contacts; near duplicates get the number of the first.
 
         Args:
@@ -70,16 +91,22 @@ class ContactPool:
             R: (n, 3, 3) contact frames in W.
             yaw: (n,) headings [rad].
             surface: (n,) surface indices.
+            rests: for each of the contacts, None where the whole patch is on its surface; or none at all.
         """
         cells = np.round(p / CELL).astype(int).tolist()
         turns = np.round(yaw / TURN).astype(int).tolist()
         numbers = np.empty(len(p), int)
         for k, ((i, j, m), turn, s) in enumerate(zip(cells, turns, surface.tolist(), strict=True)):
-            key = (effector, s, i, j, m, turn)
+            rest = rests[k] if rests else None
+            key = (effector, s, i, j, m, turn) if rest is None else (effector, s, i, j, m, turn, 1)
             number = self._number.get(key)
             if number is None:
                 number = self._append(effector, p[k], R[k], float(yaw[k]), s)
                 self._number[key] = number
+                if rest is not None:
+                    self._friction[number] = rest.friction
+                    if rest.support is not None:
+                        self.supports[number] = rest.support
             numbers[k] = number
         return numbers
 

@@ -40,6 +40,8 @@ class DynamicDomain(ABC):
         rejections: edges turned down, by why.
         static_balance: whether a transition must pass its critical configurations at rest too (Lin 2020 sec. 3.3).
             Dynamics ask less, but what they alone allow the legs may be unable to follow.
+        whole_patches_only: whether the evaluator takes all patches for whole. A transition with a partial support must
+            then pass its critical configurations at rest too, with the supports as they are.
     """
 
     evaluator: Counted
@@ -55,6 +57,7 @@ class DynamicDomain(ABC):
         self.costs = ComCosts(contacts, weights or DynamicWeights())
         self.rejections = contacts.rejections
         self.static_balance = False
+        self.whole_patches_only = False
         self._numbers: dict[tuple[Hashable, tuple[int, ...]], int] = {}
 
     @abstractmethod
@@ -97,11 +100,16 @@ class DynamicDomain(ABC):
             self.rejections["motion"] += 1
             return False
         reason = self.dynamics_reason(state)
-        if self.static_balance:
-            reason = reason or self.contacts.check.transition(parent[:4], state[:4])
+        if not reason and (self.static_balance or (self.whole_patches_only and self._on_parts(parent, state))):
+            reason = self.contacts.check.transition(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason
+
+    def _on_parts(self, parent: State, state: State) -> bool:
+        """Whether a contact of a transition rests on part of its patch."""
+        supports = self.contacts.pool.supports
+        return bool(supports) and any(n in supports for n in (*parent[:4], *state[:4]))
 
     def _number(self, contacts: Hashable, com: np.ndarray, velocity: np.ndarray, count: int) -> int:
         """The number of what the CoM does over these contacts: that of a near one, or `count` where there is none yet."""

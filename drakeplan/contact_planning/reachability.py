@@ -30,7 +30,9 @@ LOWEST_PELVIS = 0.2  # [m] over the lowest ground
 MOST_CELLS = 500_000  # more take seconds
 
 
-def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal) -> str:
+def unreachable(
+    terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal, full_soles: bool = True
+) -> str:
     """Why no chain of steps leads from the start to the goal, "" where that is not proved.
 
     Args:
@@ -39,11 +41,14 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
         model: gives the reach of a step.
         start: the first stance.
         goal: region and floor.
+        full_soles: whether the middle of every sole is over its surface; else a part of the sole is.
     """
     feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
     if len(feet) > MOST_SURFACES:
         return ""
     reach, rise = float(np.hypot(*model.steps[:, :2].T).max()), robot.max_step_height
+    if not full_soles:
+        reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
     plans, heights = _plans(terrain, feet)
     reached = _connected(plans, heights, reach, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
     at_goal = _at_goal(plans, heights, goal, reach, rise)
@@ -61,7 +66,13 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
 
 
 def walled_off(
-    terrain: Terrain, packed: PackedTerrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal
+    terrain: Terrain,
+    packed: PackedTerrain,
+    robot: Robot,
+    model: TransitionModel,
+    start: Stance,
+    goal: Goal,
+    full_soles: bool = True,
 ) -> str:
     """Why solids keep the pelvis from the goal, "" where that is not proved.
 
@@ -72,6 +83,7 @@ def walled_off(
         model: gives the reach of a step.
         start: the first stance.
         goal: region and floor.
+        full_soles: as for `unreachable`.
     """
     feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
     if len(feet) > MOST_SURFACES or not terrain.obstacles:
@@ -79,6 +91,8 @@ def walled_off(
     leg, cell = robot.leg_reach[1], min(CELL, float(abs(robot.hip[1])))
     plans, heights = _plans(terrain, feet)
     reach = float(np.hypot(*model.steps[:, :2].T).max())
+    if not full_soles:
+        reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
     on = [feet.index(c.surface) for c in start.contacts[:2] if c]
     reached = np.flatnonzero(_connected(plans, heights, reach, robot.max_step_height, on))
     bounds = shapely.bounds(plans[reached]) + np.array([-leg, -leg, leg, leg])
