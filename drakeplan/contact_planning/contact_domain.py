@@ -43,7 +43,8 @@ SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
-NEAR_WHOLE = 0.15  # [m] a foot rests on part of itself only where no candidate nearer than this rests whole
+NEAR_WHOLE = 0.3  # [m] a foot rests on part of itself only where no candidate nearer than this rests whole
+DETOUR = 0.2  # [m] that the search rather goes round than to stand on part of a sole: whole ones carry more
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
@@ -149,7 +150,10 @@ class ContactDomain:
         if self.beyond_grid:
             distance = np.where(np.isfinite(distance), distance, np.hypot(straight, climb) + OFF_GRID)
         # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
-        return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
+        distance = np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
+        if self.pool.supports:
+            distance += DETOUR * self.pool.on_part[np.array([s[:2] for s in states])].sum(axis=1)
+        return distance
 
     def _feet(self, states: Sequence[State]) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) means of the feet [m] and (n,) their headings [rad]."""

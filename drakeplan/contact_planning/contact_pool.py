@@ -38,6 +38,7 @@ class ContactPool:
         surface: (n,) surface indices.
         effector: (n,) indices into `EFFECTORS`.
         frictions: (n,) Coulomb coefficients where the contacts are.
+        on_part: (n,) whether the contacts rest on part of their patch only.
         supports: number -> (V, 2) corners of the support [m], for contacts that do not rest on all of their patch.
     """
 
@@ -47,7 +48,7 @@ class ContactPool:
         self.size = 0
         self._p, self._R = np.zeros((256, 3)), np.zeros((256, 3, 3))
         self._yaw, self._surface, self._effector = np.zeros(256), np.zeros(256, int), np.zeros(256, int)
-        self._friction = np.zeros(256)
+        self._friction, self._on_part = np.zeros(256), np.zeros(256, bool)
         self.supports: dict[int, np.ndarray] = {}
 
     @property
@@ -73,6 +74,10 @@ class ContactPool:
     @property
     def frictions(self) -> np.ndarray:
         return self._friction[: self.size]
+
+    @property
+    def on_part(self) -> np.ndarray:
+        return self._on_part[: self.size]
 
     def add(
         self,
@@ -106,7 +111,7 @@ class ContactPool:
                 if rest is not None:
                     self._friction[number] = rest.friction
                     if rest.support is not None:
-                        self.supports[number] = rest.support
+                        self.supports[number], self._on_part[number] = rest.support, True
             numbers[k] = number
         return numbers
 
@@ -116,7 +121,7 @@ class ContactPool:
         number = self._append(effector, contact.p_WC, contact.R_WC, contact.heading, contact.surface)
         self._friction[number] = contact.friction
         if contact.support is not None:
-            self.supports[number] = contact.support
+            self.supports[number], self._on_part[number] = contact.support, True
         cell = np.round(contact.p_WC / CELL).astype(int).tolist()
         self._number.setdefault((effector, contact.surface, *cell, round(contact.heading / TURN)), number)
         return number
@@ -153,7 +158,7 @@ class ContactPool:
 
     def _append(self, effector: int, p: np.ndarray, R: np.ndarray, yaw: float, surface: int) -> int:
         if self.size == len(self._p):
-            for name in ("_p", "_R", "_yaw", "_surface", "_effector", "_friction"):
+            for name in ("_p", "_R", "_yaw", "_surface", "_effector", "_friction", "_on_part"):
                 old = getattr(self, name)
                 grown = np.zeros((2 * len(old), *old.shape[1:]), old.dtype)
                 grown[: len(old)] = old

@@ -124,9 +124,22 @@ def floors_around(
     """
     if not full_soles:
         points = list(points)
-        whole = floors_around(packed, robot, points, yaw, z)
-        if any(f.head_room for f in in_window(whole, z)):
+        whole = _floors_around(packed, robot, points, yaw, z, full_soles=True)
+        if in_window(whole, z):
             return whole
+        part = _floors_around(packed, robot, points, yaw, z, full_soles=False)
+        return part if in_window(part, z) else whole or part
+    return _floors_around(packed, robot, points, yaw, z, full_soles=True)
+
+
+def _floors_around(
+    packed: PackedTerrain,
+    robot: Robot,
+    points: Iterable[tuple[float, float]],
+    yaw: float,
+    z: float,
+    full_soles: bool,
+) -> tuple[Floor, ...]:
     without: tuple[Floor, ...] = ()
     for x, y in points:
         found = floors_at(packed, robot, x, y, yaw, full_soles)
