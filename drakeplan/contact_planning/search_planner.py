@@ -160,7 +160,9 @@ class SearchPlanner:
             full = context.full_soles
             nobody = nobody_fits(terrain, context.packed, robot, goal, apart, full)
             self._unreachable = f"goal unreachable: {nobody}" if nobody else ""
-            self._unreachable = self._unreachable or unreachable(terrain, robot, model, context.start, goal, full)
+            self._unreachable = self._unreachable or unreachable(
+                terrain, robot, model, context.start, goal, full, context.packed
+            )
             if not self._unreachable and not np.isfinite(self._start_distance()):
                 self._unreachable = walled_off(terrain, context.packed, robot, model, context.start, goal, full)
         return self._unreachable
