@@ -80,7 +80,7 @@ def wrench_distance(
     simple = np.zeros(len(f_C), bool)
     for size in np.unique(sizes):
         rows = np.flatnonzero(sizes == size)
-        corners = np.array([supports[k] for k in rows])
+        corners = np.array([supports[k] for k in rows.tolist()])
         simple[rows] = _simply_admissible(cone, f_C[rows], cop_C[rows], torque_n[rows], corners, friction[rows])
     rest = np.flatnonzero(~simple)
     if not len(rest):
@@ -88,7 +88,7 @@ def wrench_distance(
     moment = np.stack([cop_C[:, 1] * f_C[:, 2], -cop_C[:, 0] * f_C[:, 2]], axis=1)
     about_z = cop_C[:, 0] * f_C[:, 1] - cop_C[:, 1] * f_C[:, 0] + torque_n
     wrenches = np.column_stack([f_C, moment, about_z])
-    blocks = [corner_wrenches(np.eye(4), supports[k], cone.rays(friction[k]), np.zeros(3)) for k in rest]
+    blocks = [corner_wrenches(np.eye(4), supports[k], cone.rays(friction[k]), np.zeros(3)) for k in rest.tolist()]
     distance[rest] = distance_to_cones(blocks, wrenches[rest])
     return distance
 

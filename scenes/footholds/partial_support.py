@@ -121,7 +121,7 @@ def support_under(
         if m < 3:
             continue
         if convex_area(part, m) > TINY:
-            friction = min(friction, packed.friction[k])
+            friction = min(friction, float(packed.friction[k]))
         if n + m > MOST_POINTS:
             return 0, 0.0, 0.0
         for i in range(m):
