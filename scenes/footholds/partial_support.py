@@ -2,6 +2,8 @@
 
 What touches a sole are the parts of surfaces under it that lie within `FLUSH` of its plane and are turned from it by a degree
 at most. Its support is their convex hull: between two planks it carries as a bridge does. Nothing else may rise into it.
+Where no surface's plane supports it, a sole leans on edges: it has a plane of its own (`leaning_plane`), and what touches it is
+what lies in that plane.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.
@@ -16,6 +18,7 @@ from numba import njit
 
 from scenes.contact import MOST_CORNERS, Contact, patch_corners
 from scenes.effector import EFFECTORS
+from scenes.footholds.leaning_plane import leaning_plane
 from scenes.footholds.projection import (
     COVER_GAP,
     PatchShape,
@@ -46,6 +49,7 @@ MOST_POINTS = 256  # corners of all parts under one sole; where there are more t
 WIGGLE = 0.08  # [m] a sole may move this far to have more of itself supported
 WIGGLES = 2
 GAIN = 1.02  # factor of area for which it moves
+ON_EDGE = 1e-5  # [m] edges this near to the plane of a sole that leans on them touch it
 TINY = 1e-7  # [m^2] parts of surfaces smaller than this do not count for friction
 
 
@@ -88,6 +92,7 @@ def support_under(
     half_width: float,
     around: np.ndarray,
     corners: np.ndarray,
+    leaning: bool,
 ) -> tuple[int, float, float]:
     """The support of a patch at pose (p, R): how many corners it has, its area [m^2] and the least friction; 0 where too small.
 
@@ -100,10 +105,11 @@ def support_under(
         half_width: of the patch along y [m].
         around: (m,) polygons near the patch, ascending.
         corners: (8, 2) written [m].
+        leaning: whether only edges and corners touch.
     """
     points = np.empty((MOST_POINTS, 2))
     scratch = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    bound = np.array([half_length, half_width, FLUSH - ROUNDING])
+    bound = np.array([half_length, half_width, ON_EDGE if leaning else FLUSH - ROUNDING])
     n, friction, reach = 0, np.inf, np.sqrt(half_length * half_length + half_width * half_width) + FLUSH
     for q in range(around.shape[0]):
         k = around[q]
@@ -114,13 +120,13 @@ def support_under(
             turned += packed.normal[k, a] * R[a, 2]
             if packed.low[k, a] > p[a] + reach or packed.high[k, a] < p[a] - reach:
                 apart = True
-        if apart or turned < LEVEL:
+        if apart or (turned < LEVEL and not leaning):
             continue
         m, cur = part_within(packed.vertices[k], packed.count[k], p, R, bound, scratch)
         part = scratch[cur]
-        if m < 3:
+        if m < (1 if leaning else 3):
             continue
-        if convex_area(part, m) > TINY:
+        if leaning or convex_area(part, m) > TINY:
             friction = min(friction, float(packed.friction[k]))
         if n + m > MOST_POINTS:
             return 0, 0.0, 0.0
@@ -174,6 +180,8 @@ def _rest_at(
 ) -> tuple[int, int, float, float]:
     """The plane under a place that supports most of a sole: surface or -1, corners of the support, its area, its friction.
 
+    A plane that leans on edges counts where no surface's does.
+
     Args:
         packed, effector, xy_yaw, z_range, patch, around: as in `rest_feet`, of one place.
         p: (3,), R: (3, 3) and corners: (8, 2) are written where a surface is found.
@@ -202,13 +210,26 @@ def _rest_at(
         contact_axes(n, xy_yaw[2], False, axes)
         point[0], point[1], point[2] = x, y, z
         count, area, friction = support_under(
-            packed, effector, point, axes, patch.half_length, patch.half_width, around, found
+            packed, effector, point, axes, patch.half_length, patch.half_width, around, found, False
         )
         if count == 0 or area <= best_area or not _is_free(packed, point, axes, patch, around, work):
             continue
         best, best_count, best_area, best_friction, best_z = k, count, area, friction, z
         p[:], R[:], corners[:] = point, axes, found
-    return best, best_count, best_area, best_friction
+    if best >= 0:
+        return best, best_count, best_area, best_friction
+    z, touched = leaning_plane(packed, xy_yaw, z_range, patch, around, axes[:, 2])
+    if touched < 0 or touched >= packed.num_surfaces:
+        return -1, 0, 0.0, 0.0
+    contact_axes(axes[:, 2].copy(), xy_yaw[2], False, axes)
+    point[0], point[1], point[2] = x, y, z
+    count, area, friction = support_under(
+        packed, effector, point, axes, patch.half_length, patch.half_width, around, found, True
+    )
+    if count == 0 or not _is_free(packed, point, axes, patch, around, work):
+        return -1, 0, 0.0, 0.0
+    p[:], R[:], corners[:] = point, axes, found
+    return touched, count, area, friction
 
 
 @njit(cache=True)

@@ -120,7 +120,7 @@ def test_the_support_is_the_hull_of_what_lies_under_the_sole(seed):
         return
     packed, yaw = ground(*planks), rng.uniform(-3, 3)
     contact = rest_down(packed, FOOT, (*rng.uniform(-0.05, 0.05, 2), yaw), ANY)
-    if contact is None:
+    if contact is None or contact.R_WC[:, 2] @ R[:, 2] < 1 - 1e-9:  # it leans on edges of planks of different height
         return
     seen = [(s.vertices - contact.p_WC) @ contact.R_WC for s in planks]
     flush = [shapely.Polygon(v[:, :2]) for v in seen if np.abs(v[:, 2]).max() < FLUSH - ROUNDING]
@@ -139,3 +139,25 @@ def test_a_sole_moves_to_where_more_of_it_is_supported():
     assert supports.corners[0, : supports.count[0], 0].max() == pytest.approx(0.06, abs=1e-3)
     assert at[0] == pytest.approx([0.06, 0.0, 0.0], abs=2e-2)
     assert placed.p[0, :2] == pytest.approx(at[0, :2])
+
+
+@pytest.mark.parametrize("rise", [0.01, 0.02, -0.03])
+@pytest.mark.parametrize("yaw", [0.0, 0.3])
+def test_on_two_bars_of_different_height_a_sole_leans_on_their_edges(rise, yaw):
+    """The plane goes through the edges that are farthest apart and touch first, and nothing of either bar is above it."""
+    bars = [plate((-0.06, -0.055), WIDE), plate((0.055, 0.06), WIDE, rise)]
+    contact = rest(*bars, at=(0.0, 0.0, yaw))
+    low, high = (-0.06, 0.055) if rise > 0 else (-0.055, 0.06)
+    slope = np.arctan2(rise, high - low)
+    assert contact.R_WC[:, 2] == pytest.approx([-np.sin(slope), 0.0, np.cos(slope)], abs=1e-6)
+    corners = contact.p_WC + contact.support @ contact.R_WC[:, :2].T
+    edge = np.where(corners[:, 0] < 0, low, high)
+    assert corners[:, 0] == pytest.approx(edge, abs=1e-3)
+    assert corners[:, 2] == pytest.approx(np.where(corners[:, 0] < 0, 0.0, rise), abs=1e-5)
+    assert all(((s.vertices - contact.p_WC) @ contact.R_WC[:, 2]).max() < 1e-5 for s in bars)
+    assert contact.surface in (0, 1)
+
+
+def test_a_sole_does_not_lean_where_it_would_tip_or_slide():
+    assert rest(plate((0.05, 0.055), WIDE), plate((0.08, 0.085), WIDE, 0.02)) is None  # all of it before the middle
+    assert rest(plate((-0.06, -0.055), WIDE), plate((0.055, 0.06), WIDE, 0.08)) is None  # 34 deg
