@@ -39,9 +39,8 @@ class DynamicDomain(ABC):
         costs: of edges.
         rejections: edges turned down, by why.
         static_balance: whether a transition must pass its critical configurations at rest too (Lin 2020 sec. 3.3).
-            Dynamics ask less, but what they alone allow the legs may be unable to follow.
-        whole_patches_only: whether the evaluator takes all patches for whole. A transition with a partial support must
-            then pass its critical configurations at rest too, with the supports as they are.
+            Dynamics ask less, but what they alone allow the legs may be unable to follow. A transition with a partial support
+            must in any case: networks take all patches for whole, and on part of a sole a robot goes slowly.
     """
 
     evaluator: Counted
@@ -57,7 +56,6 @@ class DynamicDomain(ABC):
         self.costs = ComCosts(contacts, weights or DynamicWeights())
         self.rejections = contacts.rejections
         self.static_balance = False
-        self.whole_patches_only = False
         self._numbers: dict[tuple[Hashable, tuple[int, ...]], int] = {}
 
     @abstractmethod
@@ -100,7 +98,7 @@ class DynamicDomain(ABC):
             self.rejections["motion"] += 1
             return False
         reason = self.dynamics_reason(state)
-        if not reason and (self.static_balance or (self.whole_patches_only and self._on_parts(parent, state))):
+        if not reason and (self.static_balance or self._on_parts(parent, state)):
             reason = self.contacts.check.transition(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1

@@ -107,9 +107,7 @@ class SearchPlanner:
             self._heuristic_weight = HEURISTIC_WEIGHT
             program = WindowDynamics(self.context.robot, self._centroidal_options())
             return WindowDomain(self.domain, program, settings.dynamic_weights, settings.window)
-        domain = ComDomain(self.domain, self._evaluator(), settings.dynamic_weights)
-        domain.whole_patches_only = dynamics == "learned"
-        return domain
+        return ComDomain(self.domain, self._evaluator(), settings.dynamic_weights)
 
     def _evaluator(self) -> DynamicsEvaluator:
         robot, settings = self.context.robot, self.settings

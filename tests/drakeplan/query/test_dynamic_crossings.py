@@ -17,7 +17,7 @@ ROBOT = load_robot("escher")
 
 
 def crossed(scene: Scene, cone: str, timing: Timing) -> PlanResult:
-    options = PlanOptions(dynamics="exact", cone=cone, timing=timing, full_soles=True, deadline=300.0, improve=0.0)
+    options = PlanOptions(dynamics="exact", cone=cone, timing=timing, deadline=300.0, improve=0.0)
     return plan_scene(scene, ROBOT, options)
 
 
