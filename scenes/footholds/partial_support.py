@@ -307,3 +307,18 @@ def rest_down(
     X_WC[:3, :3], X_WC[:3, 3] = placed.R[0], placed.p[0]
     support = supports.of(0, spec.half_extent)
     return Contact(spec.name, int(placed.surface[0]), X_WC, float(supports.friction[0]), place[2], support)
+
+
+def rests_whole(packed: PackedTerrain, contact: Contact, half_extent: tuple[float, float]) -> bool:
+    """Whether what touches a patch holds all of it, as planks with gaps do that carry its ends.
+
+    Args:
+        packed: the terrain.
+        contact: with its pose.
+        half_extent: half length and half width of the patch [m].
+    """
+    reach, (x, y, _) = float(np.hypot(*half_extent)) + FLUSH, contact.p_WC
+    around, corners = near(packed, x - reach, y - reach, x + reach, y + reach), np.zeros((MOST_CORNERS, 2))
+    p, R = np.array(contact.p_WC), np.ascontiguousarray(contact.R_WC)
+    count, _, _ = support_under(packed, EFFECTORS.index(contact.effector), p, R, *half_extent, around, corners, False)
+    return count == 4 and np.allclose(corners[:4], patch_corners(half_extent), rtol=0, atol=ROUNDING)

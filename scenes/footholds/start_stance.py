@@ -10,7 +10,7 @@ import numpy as np
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.footholds.floors import Floor, by_preference, choice_note, floors_around, has_head_room, no_floor_near
-from scenes.footholds.partial_support import rest_down
+from scenes.footholds.partial_support import rest_down, rests_whole
 from scenes.footholds.projection import FOOT_CLEARANCE, set_down
 from scenes.footholds.what_stands import patch_off_surface, what_stands
 from scenes.input_error import InputError
@@ -146,7 +146,7 @@ def check_given_stance(scene: Scene, packed: PackedTerrain, robot: Robot, stance
         where = f"scene {scene.name}: start.stance.{contact.effector}"
         patch = robot.effectors[EFFECTORS.index(contact.effector)].half_extent
         off = patch_off_surface(scene.terrain, contact, patch)
-        if off > STANCE_OFF:
+        if off > STANCE_OFF and not rests_whole(packed, contact, patch):
             name = scene.terrain.surfaces[contact.surface].name
             raise InputError(f"{where}: expected a patch on {name!r}, this one reaches {off:.3f} m beyond it")
         inside = solid_at(scene.terrain, packed, *(contact.p_WC + 0.5 * FOOT_CLEARANCE * contact.R_WC[:, 2]))

@@ -11,9 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from scenes.contact import Contact
 from scenes.footholds.partial_support import INNER_RADIUS, no_supports, rest_down, rest_feet
 from scenes.footholds.projection import no_placements, patch_shape
+from scenes.footholds.start_stance import start_stance
+from scenes.input_error import InputError
 from scenes.robots.robot import load_robot
+from scenes.scene import Goal, Scene, Start
 from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Terrain
@@ -67,6 +71,23 @@ def test_planks_with_gaps_carry_the_whole_sole_when_toes_and_heel_are_on_planks(
     assert rest(*planks, at=(-0.02 + 0.05 + HALF[0], 0, 0)).support is None
     toes_out = rest(*planks, at=(-0.02 + 0.01 + HALF[0], 0, 0))
     assert toes_out.support[:, 0].max() == pytest.approx(HALF[0] - 0.01)
+
+
+@pytest.mark.parametrize(("toes", "holds"), [(0.06, True), (0.0, False)])
+def test_a_given_stance_may_bridge_gaps_but_not_end_over_one(toes, holds):
+    """Planks of 10 cm, gaps of 2 cm; soles from -0.09 + toes to 0.13 + toes; gaps begin at -0.10, 0.02, 0.14, ..."""
+    planks = [dataclasses.replace(plate((0.12 * k - 0.68, 0.12 * k - 0.58), WIDE), name=f"{k}") for k in range(11)]
+    feet = []
+    for effector, y in (("left_foot", 0.1), ("right_foot", -0.1)):
+        X = np.eye(4)
+        X[:3, 3] = [0.02 + toes, y, 0.0]
+        feet.append(Contact(effector, 5, X, 0.5))
+    scene = Scene("planks", Terrain(tuple(planks)), Start((0.0, 0.0, 0.0), stance=tuple(feet)), Goal((0.3, 0, 0)))
+    if holds:
+        assert start_stance(scene, pack_terrain(scene.terrain), load_robot("escher")).contacts[:2] == tuple(feet)
+    else:
+        with pytest.raises(InputError, match="reaches"):
+            start_stance(scene, pack_terrain(scene.terrain), load_robot("escher"))
 
 
 def test_a_stone_smaller_than_the_sole_is_all_of_the_support():
