@@ -12,7 +12,7 @@ from scenes.footholds.projection import PatchShape
 from scenes.footholds.support_polygon import part_within
 from scenes.terrain.packed_terrain import PackedTerrain
 
-MOST_POINTS = 48  # corners of what lies under one sole; where there are more the sole is given up
+MOST_POINTS = 24  # corners of what lies under one sole; where there are more the sole is given up
 FLATTEST = np.cos(np.deg2rad(30.0))  # a sole leans no more than this
 ABOVE = 1e-6  # [m] a point that stands less above a plane is on it
 INSIDE = 1e-9  # [m^2] the middle may be this much outside a facet
@@ -38,7 +38,10 @@ def leaning_plane(
         around: (m,) polygons near there, ascending.
         normal: (3,) of the plane, upwards; written.
     """
-    z_low = max(z_range[0], packed.low[:, 2].min() - 1.0)
+    lowest = np.inf
+    for q in range(around.shape[0]):
+        lowest = min(lowest, packed.low[around[q], 2])
+    z_low = max(z_range[0], lowest - 1.0)
     z_high = min(z_range[1], z_low + FAR)
     c, s = np.cos(xy_yaw[2]), np.sin(xy_yaw[2])
     R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
