@@ -27,6 +27,7 @@ class QueryContext:
         ik: its inverse kinematics, with its kinematics and body capsules.
         cone: friction cone of the whole query.
         deadline: when the query has to stop.
+        full_soles: whether all of every sole has to rest on something; else a part of it may (`Contact.support`).
     """
 
     scene: Scene
@@ -34,6 +35,7 @@ class QueryContext:
     ik: WholeBodyIK
     cone: FrictionCone = DEFAULT_CONE
     deadline: Deadline = field(default_factory=Deadline)
+    full_soles: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
@@ -55,7 +57,7 @@ class QueryContext:
         Raises:
             InputError: the scene has no start, or no ground takes both soles there.
         """
-        return start_stance(self.scene, self.packed, self.robot)
+        return start_stance(self.scene, self.packed, self.robot, self.full_soles)
 
     @cached_property
     def goal(self) -> Goal:
@@ -64,12 +66,12 @@ class QueryContext:
         Raises:
             InputError: the scene has no goal, or no ground takes a sole near it.
         """
-        return check_goal(self.scene, self.packed, self.robot, float(self.start.feet_mean()[2]))
+        return check_goal(self.scene, self.packed, self.robot, float(self.start.feet_mean()[2]), self.full_soles)
 
     @cached_property
     def floor_notes(self) -> list[str]:
         """A line for each of start and goal that had several floors to choose from."""
-        return floor_notes(self.scene, self.packed, self.robot, self.start, self.goal)
+        return floor_notes(self.scene, self.packed, self.robot, self.start, self.goal, self.full_soles)
 
     @cached_property
     def torso_grid(self) -> TorsoGrid:

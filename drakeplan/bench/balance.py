@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 from drakeplan.bench.table import BenchOptions, BenchTable
 from optimization.balance.friction import FrictionCone, cone_generators, corner_points
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
-from scenes.contact import contact_rotation
+from scenes.contact import contact_rotation, patch_corners
 from scenes.effector import EFFECTORS
 from scenes.robots.robot import load_robot
 
@@ -305,27 +305,27 @@ def _compare(mine: Way, others: list[Way], cases: Sequence[Case], task: str) -> 
 
 
 @njit(cache=True)
-def _query_loop(p_WC, R_WC, half, generators, limit, com):  # noqa: ANN001, ANN202 (stacked ContactArrays)
+def _query_loop(p_WC, R_WC, corners, generators, limit, com):  # noqa: ANN001, ANN202 (stacked ContactArrays)
     held = 0
     for i in range(p_WC.shape[0]):
-        held += is_balanced(p_WC[i], R_WC[i], half[i], generators[i], limit[i], com[i, 0])
+        held += is_balanced(p_WC[i], R_WC[i], corners[i], generators[i], limit[i], com[i, 0])
     return held
 
 
 @njit(cache=True)
-def _region_loop(p_WC, R_WC, half, generators, limit, com):  # noqa: ANN001, ANN202 (stacked ContactArrays)
+def _region_loop(p_WC, R_WC, corners, generators, limit, com):  # noqa: ANN001, ANN202 (stacked ContactArrays)
     held, out = 0, np.empty((ROOM, 2))
     for i in range(p_WC.shape[0]):
-        count = com_polygon(p_WC[i], R_WC[i], half[i], generators[i], limit[i], out)
+        count = com_polygon(p_WC[i], R_WC[i], corners[i], generators[i], limit[i], out)
         for k in range(com.shape[1]):
             held += polygon_margin(out, count, com[i, k, 0], com[i, k, 1]) >= 0.0
     return held
 
 
 @njit(cache=True)
-def _margin_loop(p_WC, R_WC, half, generators, limit, com):  # noqa: ANN001, ANN202 (stacked ContactArrays)
+def _margin_loop(p_WC, R_WC, corners, generators, limit, com):  # noqa: ANN001, ANN202 (stacked ContactArrays)
     held, out = 0, np.empty((ROOM, 2))
-    count = com_polygon(p_WC[0], R_WC[0], half[0], generators[0], limit[0], out)
+    count = com_polygon(p_WC[0], R_WC[0], corners[0], generators[0], limit[0], out)
     for i in range(p_WC.shape[0]):
         for k in range(com.shape[1]):
             held += polygon_margin(out, count, com[i, k, 0], com[i, k, 1]) >= 0.0
@@ -352,7 +352,9 @@ def _case(rng: np.random.Generator, n: int, cone: FrictionCone, robot: str) -> C
     effectors, points, normals = _stance(rng, n)
     half = load_robot(robot).half_extents[effectors]
     R_WC = np.array([_peer_frame(normal) for normal in normals])
-    arrays = ContactArrays(points, R_WC, half, np.stack([cone_generators(cone, MU)] * n), np.full(n, OUT_OF_REACH))
+    arrays = ContactArrays(
+        points, R_WC, patch_corners(half), np.stack([cone_generators(cone, MU)] * n), np.full(n, OUT_OF_REACH)
+    )
     corners = np.concatenate([p + corner_points(h) @ R.T for p, h, R in zip(points, half, R_WC, strict=True)])
     com = np.full((QUERIES, 3), 0.8)
     com[:, :2] = points[:2, :2].mean(axis=0) + rng.uniform(-0.25, 0.25, (QUERIES, 2))
@@ -390,7 +392,9 @@ def agreement_with_highs(n: int, count: int, options: BenchOptions) -> tuple[int
         R_WC = np.array([contact_rotation(EFFECTORS[e], v, rng.uniform(-0.4, 0.4)) for e, v in
                          zip(effectors, normals, strict=True)])  # fmt: skip
         generators = np.stack([cone_generators(FrictionCone.INNER, MU)] * n)
-        arrays = ContactArrays(points, R_WC, robot.half_extents[effectors], generators, robot.force_limit[effectors])
+        arrays = ContactArrays(
+            points, R_WC, patch_corners(robot.half_extents[effectors]), generators, robot.force_limit[effectors]
+        )
         xy = points[:2, :2].mean(axis=0) + rng.uniform(-0.25, 0.25, 2)
         if abs(polygon_margin(out, com_polygon(*arrays, out), *xy)) < BOUNDARY:
             near += 1
@@ -402,9 +406,9 @@ def agreement_with_highs(n: int, count: int, options: BenchOptions) -> tuple[int
 
 def _highs_says(arrays: ContactArrays, xy: np.ndarray) -> bool:
     columns = []
-    for p, R, half, rays in zip(*arrays[:4], strict=True):
+    for p, R, corners, rays in zip(*arrays[:4], strict=True):
         forces = rays @ R.T
-        for arm in p + corner_points(half) @ R.T:
+        for arm in p + corners @ R[:, :2].T:
             columns.append(np.hstack([forces, np.cross(arm, forces)]))
     A = np.concatenate(columns).T
     per_contact = np.kron(np.eye(len(arrays.p_WC)), np.ones(A.shape[1] // len(arrays.p_WC)))

@@ -133,7 +133,7 @@ def _search(crossing: Crossing, robot: Robot, ik: WholeBodyIK, deadline: float) 
     """The first contact sequence, the number of transitions judged by dynamics, and why there is none."""
     model = transition_model(crossing.steps or crossing.scene.transition_model or "experiments")
     asked = PlannerOptions(dynamics=crossing.dynamics, timing=crossing.timing, model=model)
-    planner = SearchPlanner(QueryContext(crossing.scene, robot, ik, crossing.cone), asked)
+    planner = SearchPlanner(QueryContext(crossing.scene, robot, ik, crossing.cone, full_soles=True), asked)
     plan = next(planner.plans(Limits(deadline=deadline), time.process_time), None)
     judged = sum(planner.counts().transitions_judged.values())
     return plan, judged, "" if plan is not None else planner.why_not()
@@ -144,7 +144,7 @@ def _play(crossing: Crossing, robot: Robot, ik: WholeBodyIK, plan: ContactPlan, 
     timing, trajectory, scene = crossing.timing, estimate.trajectory, crossing.scene
     assert trajectory is not None  # it is feasible
     options = MotionOptions(dt=timing.step or 0.2, shift=timing.shift, swing=timing.swing)
-    maker = MotionMaker(QueryContext(scene, robot, ik, crossing.cone), options)
+    maker = MotionMaker(QueryContext(scene, robot, ik, crossing.cone, full_soles=True), options)
     at = plan.stances[0].feet_mean()
     start = None if scene.start is None else dataclasses.replace(scene.start, xyz=tuple(at.tolist()))
     placed = dataclasses.replace(scene, start=start)

@@ -167,7 +167,7 @@ def trajectory_of_corners(
     Args:
         problem: contacts, mass and initial state.
         options: its friction cone.
-        forces: (J, 4, 3) corner forces in the contact frames [M g].
+        forces: (J, V, 3) corner forces in the contact frames [M g].
     """
     if not np.isfinite(forces).all():
         return None
@@ -176,7 +176,7 @@ def trajectory_of_corners(
     integrator = WrenchIntegrator(problem.schedule, np.stack(initial))
     _, _, friction = problem.schedule.poses()
     held = problem.schedule.active[integrator.interval, integrator.effector]
-    corners = CornerForces(options.cone, friction[held], problem.half_extent[integrator.effector], ARM)
+    corners = CornerForces(options.cone, friction[held], problem.supports[held], ARM)
     wrench = corners.wrench(forces)
     return integrator.trajectory(problem.schedule, wrench[:, :3], ARM * wrench[:, 3:], mass)
 

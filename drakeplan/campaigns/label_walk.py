@@ -197,7 +197,7 @@ class LabelWalk:
     def _first_state(self, environment: TiltedEnvironment, packed: PackedTerrain) -> WalkState:
         for start in environment.starts:
             try:
-                stance = start_stance(environment.scene(start), packed, self.robot)
+                stance = start_stance(environment.scene(start), packed, self.robot, full_soles=True)
             except InputError:
                 continue
             left, right = (self.pool.add_contact(c) for c in stance.contacts[:2] if c is not None)

@@ -112,6 +112,8 @@ class Arguments:
     """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
     no_palms: bool = False
     """plan with the feet alone"""
+    full_soles: bool = False
+    """every sole rests whole; without this it may rest on planks, bars, an edge or a stone smaller than itself"""
     explain: bool = False
     """if the dynamics of a contact sequence are infeasible: print what blocks them, and which changes are enough
     to change (takes up to half a minute)"""
@@ -241,6 +243,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         improve=arguments.improve,
         expansions=arguments.expansions,
         use_palms=not arguments.no_palms,
+        full_soles=arguments.full_soles,
         stop=interrupted,
         used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
         keep=telling.keep,

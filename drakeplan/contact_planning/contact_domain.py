@@ -20,10 +20,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from drakeplan.contact_planning.contact_plan import PlannerOptions
-from drakeplan.contact_planning.contact_pool import ContactPool
+from drakeplan.contact_planning.contact_pool import ContactPool, Rest
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
-from scenes.footholds.projection import boxes_are_free, no_placements, patch_shape, project_feet, project_palms
+from scenes.footholds.partial_support import WIGGLE, no_supports, rest_feet
+from scenes.footholds.projection import (
+    Placements,
+    boxes_are_free,
+    no_placements,
+    patch_shape,
+    project_feet,
+    project_palms,
+)
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -35,6 +43,8 @@ SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
+NEAR_WHOLE = 0.3  # [m] a foot rests on part of itself only where no candidate nearer than this rests whole
+DETOUR = 0.2  # [m] that the search rather goes round than to stand on part of a sole: whole ones carry more
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
@@ -55,6 +65,7 @@ class ContactDomain:
     """Successors, heuristic, goal and lazy confirmation of contact states on one terrain.
 
     Attributes:
+        full_soles: whether all of every sole has to rest on something; else part of it may where nothing whole is near.
         max_travel: how far a foot moves in one transition [m]: the robot's usual bound, or the model's longest stride.
         beyond_grid: whether states from which the grid knows no way are estimated by the straight line; else they are
             left out. The grid's torso box and gaps are a guess, so that it proves nothing.
@@ -90,6 +101,7 @@ class ContactDomain:
         self._blamed: list[int] = []
         self.grid = grid or TorsoGrid(packed, robot, goal)
         self.beyond_grid = False
+        self.full_soles = False
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
         self._heuristic_name = options.heuristic
         self._palms = tuple(e - 2 for e in robot.palms) if options.use_palms else ()
@@ -138,7 +150,10 @@ class ContactDomain:
         if self.beyond_grid:
             distance = np.where(np.isfinite(distance), distance, np.hypot(straight, climb) + OFF_GRID)
         # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
-        return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
+        distance = np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
+        if self.pool.supports:
+            distance += DETOUR * self.pool.on_part[np.array([s[:2] for s in states])].sum(axis=1)
+        return distance
 
     def _feet(self, states: Sequence[State]) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) means of the feet [m] and (n,) their headings [rad]."""
@@ -275,6 +290,7 @@ class ContactDomain:
         p, R, surface = placed = no_placements(len(xy_yaw))
         rise = self.robot.max_step_height
         project_feet(self.packed, mover, xy_yaw, (p0[2] - rise, p0[2] + rise), self._patches[mover], placed)
+        supports = self._rest_on_parts(mover, xy_yaw, (p0[2] - rise, p0[2] + rise), placed)
         fits = surface >= 0
         self.rejections["no foothold"] += int((~fits).sum())
         mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)
@@ -284,7 +300,28 @@ class ContactDomain:
         free = boxes_are_free(self.packed, mean, yaw, centre, size, keep)
         self.rejections["collision"] += int((keep & ~free).sum())
         keep = free
-        return np.unique(self.pool.add(mover, p[keep], R[keep], xy_yaw[keep, 2], surface[keep]))
+        rests = [supports[k] for k in np.flatnonzero(keep).tolist()] if supports else ()
+        return np.unique(self.pool.add(mover, p[keep], R[keep], xy_yaw[keep, 2], surface[keep], rests))
+
+    def _rest_on_parts(
+        self, mover: int, xy_yaw: np.ndarray, z_range: tuple[float, float], placed: Placements
+    ) -> list[Rest | None] | None:
+        """Sets down on part of themselves the feet that found no foothold and are far from those that did; what all rest on.
+
+        Near a whole foothold a partial one is of little use, and would cost an expansion twice the children.
+        """
+        lost = placed.surface < 0
+        if self.full_soles or not lost.any():
+            return None
+        apart = xy_yaw[lost, None, :2] - placed.p[~lost, :2]
+        lost[lost] = ~((apart**2).sum(axis=2) < NEAR_WHOLE**2).any(axis=1)
+        if not lost.any():
+            return None
+        supports = no_supports(len(lost))
+        rest_feet(self.packed, mover, xy_yaw, lost, z_range, self._patches[mover], WIGGLE, placed, supports)
+        half = self.robot.effectors[mover].half_extent
+        found = zip(supports.count.tolist(), supports.friction.tolist(), strict=True)
+        return [Rest(supports.of(k, half), friction) if count else None for k, (count, friction) in enumerate(found)]
 
     def _legs_reach(
         self, mean: np.ndarray, yaw: np.ndarray, p_new: np.ndarray, p_stand: np.ndarray, mover: int

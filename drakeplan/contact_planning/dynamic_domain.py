@@ -39,7 +39,8 @@ class DynamicDomain(ABC):
         costs: of edges.
         rejections: edges turned down, by why.
         static_balance: whether a transition must pass its critical configurations at rest too (Lin 2020 sec. 3.3).
-            Dynamics ask less, but what they alone allow the legs may be unable to follow.
+            Dynamics ask less, but what they alone allow the legs may be unable to follow. A transition with a partial support
+            must in any case: networks take all patches for whole, and on part of a sole a robot goes slowly.
     """
 
     evaluator: Counted
@@ -97,11 +98,16 @@ class DynamicDomain(ABC):
             self.rejections["motion"] += 1
             return False
         reason = self.dynamics_reason(state)
-        if self.static_balance:
-            reason = reason or self.contacts.check.transition(parent[:4], state[:4])
+        if not reason and (self.static_balance or self._on_parts(parent, state)):
+            reason = self.contacts.check.transition(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason
+
+    def _on_parts(self, parent: State, state: State) -> bool:
+        """Whether a contact of a transition rests on part of its patch."""
+        supports = self.contacts.pool.supports
+        return bool(supports) and any(n in supports for n in (*parent[:4], *state[:4]))
 
     def _number(self, contacts: Hashable, com: np.ndarray, velocity: np.ndarray, count: int) -> int:
         """The number of what the CoM does over these contacts: that of a near one, or `count` where there is none yet."""

@@ -15,6 +15,7 @@ from scipy.ndimage import label as label_regions
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from scenes.footholds.projection import PATCH_MARGIN
 from scenes.robots.robot import Robot
 from scenes.scene import GOAL_HEIGHT, Goal
 from scenes.stance import Stance
@@ -30,7 +31,15 @@ LOWEST_PELVIS = 0.2  # [m] over the lowest ground
 MOST_CELLS = 500_000  # more take seconds
 
 
-def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal) -> str:
+def unreachable(
+    terrain: Terrain,
+    robot: Robot,
+    model: TransitionModel,
+    start: Stance,
+    goal: Goal,
+    full_soles: bool = True,
+    packed: PackedTerrain | None = None,
+) -> str:
     """Why no chain of steps leads from the start to the goal, "" where that is not proved.
 
     Args:
@@ -39,13 +48,20 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
         model: gives the reach of a step.
         start: the first stance.
         goal: region and floor.
+        full_soles: whether the middle of every sole is over its surface; else a part of the sole is.
+        packed: the terrain, packed: surfaces that are alone and too small for a whole sole are then left out.
     """
     feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
     if len(feet) > MOST_SURFACES:
         return ""
+    on = [c.surface for c in start.contacts[:2] if c]
+    small = _too_small(terrain, packed, robot, feet) if full_soles and packed is not None else []
+    feet = [k for k in feet if k in on or k not in small]
     reach, rise = float(np.hypot(*model.steps[:, :2].T).max()), robot.max_step_height
+    if not full_soles:
+        reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
     plans, heights = _plans(terrain, feet)
-    reached = _connected(plans, heights, reach, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
+    reached = _connected(plans, heights, reach, rise, [feet.index(k) for k in on])
     at_goal = _at_goal(plans, heights, goal, reach, rise)
     if (reached & at_goal).any():
         return ""
@@ -57,11 +73,47 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
     return (
         f"goal unreachable: from {name[feet[a]].name!r} to {name[feet[b]].name!r} it is {gap:.2f} m across and "
         f"{climb:.2f} m up or down; a step of this transition model reaches {reach:.2f} m across and {rise:.2f} m up or down"
+        f"{_which_are_small(terrain, robot, small)}"
     )
 
 
+def _too_small(terrain: Terrain, packed: PackedTerrain, robot: Robot, feet: list[int]) -> list[int]:
+    """Those of some surfaces that are no piece of a floor and take no whole sole, however it is turned."""
+    half = np.sort([e.half_extent for e in robot.effectors[:2]], axis=1).min(axis=0) + PATCH_MARGIN
+    small = []
+    for k in feet:
+        if packed.floor[k] >= 0:
+            continue
+        vertices = terrain.surfaces[k].vertices
+        edge = np.roll(vertices, -1, axis=0) - vertices
+        inward = np.cross(terrain.surfaces[k].normal, edge)
+        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        across = (inward @ vertices.T - (inward * vertices).sum(axis=1)[:, None]).max(axis=1)
+        area = 0.5 * np.linalg.norm(np.cross(vertices - vertices[0], edge).sum(axis=0))
+        longest = np.linalg.norm(vertices[:, None] - vertices, axis=2).max()
+        if across.min() < 2 * half[0] or area < 4 * half.prod() or longest < 2 * np.hypot(*half):
+            small.append(k)
+    return small
+
+
+def _which_are_small(terrain: Terrain, robot: Robot, small: list[int]) -> str:
+    """Half a sentence on surfaces that were left out, "" where there are none."""
+    if not small:
+        return ""
+    length, width = 200 * np.array(robot.effectors[0].half_extent)
+    first = terrain.surfaces[small[0]].name
+    others = f" and {len(small) - 1} more take" if len(small) > 1 else " takes"
+    return f"; {first!r}{others} no whole sole of {length:.0f} x {width:.0f} cm, part of one would do (no --full-soles)"
+
+
 def walled_off(
-    terrain: Terrain, packed: PackedTerrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal
+    terrain: Terrain,
+    packed: PackedTerrain,
+    robot: Robot,
+    model: TransitionModel,
+    start: Stance,
+    goal: Goal,
+    full_soles: bool = True,
 ) -> str:
     """Why solids keep the pelvis from the goal, "" where that is not proved.
 
@@ -72,6 +124,7 @@ def walled_off(
         model: gives the reach of a step.
         start: the first stance.
         goal: region and floor.
+        full_soles: as for `unreachable`.
     """
     feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
     if len(feet) > MOST_SURFACES or not terrain.obstacles:
@@ -79,6 +132,8 @@ def walled_off(
     leg, cell = robot.leg_reach[1], min(CELL, float(abs(robot.hip[1])))
     plans, heights = _plans(terrain, feet)
     reach = float(np.hypot(*model.steps[:, :2].T).max())
+    if not full_soles:
+        reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
     on = [feet.index(c.surface) for c in start.contacts[:2] if c]
     reached = np.flatnonzero(_connected(plans, heights, reach, robot.max_step_height, on))
     bounds = shapely.bounds(plans[reached]) + np.array([-leg, -leg, leg, leg])

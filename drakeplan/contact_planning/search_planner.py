@@ -87,6 +87,7 @@ class SearchPlanner:
         self.domain = ContactDomain(
             context.packed, context.robot, context.goal, self.check, options, self.settings.weights, context.torso_grid
         )
+        self.domain.full_soles = context.full_soles
         held = tuple(-1 if c is None else self._pool.add_contact(c) for c in start.contacts)
         self._start_state: State = (*held, -1)
         self._heuristic_weight = np.inf
@@ -154,11 +155,14 @@ class SearchPlanner:
             context, model = self.context, self.options.model
             terrain, robot, goal = context.scene.terrain, context.robot, context.goal
             apart = float(np.hypot(*model.steps[:, :2].T).max())
-            nobody = nobody_fits(terrain, context.packed, robot, goal, apart)
+            full = context.full_soles
+            nobody = nobody_fits(terrain, context.packed, robot, goal, apart, full)
             self._unreachable = f"goal unreachable: {nobody}" if nobody else ""
-            self._unreachable = self._unreachable or unreachable(terrain, robot, model, context.start, goal)
+            self._unreachable = self._unreachable or unreachable(
+                terrain, robot, model, context.start, goal, full, context.packed
+            )
             if not self._unreachable and not np.isfinite(self._start_distance()):
-                self._unreachable = walled_off(terrain, context.packed, robot, model, context.start, goal)
+                self._unreachable = walled_off(terrain, context.packed, robot, model, context.start, goal, full)
         return self._unreachable
 
     def _run(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:

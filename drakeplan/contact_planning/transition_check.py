@@ -174,7 +174,7 @@ class TransitionCheck:
         effectors = self.pool.effector[numbers]
         generators = np.stack([self._cone(self.pool.friction(n)) for n in numbers])
         poses = self.pool.p[numbers], self.pool.R[numbers]
-        arrays = ContactArrays(*poses, self._half[effectors], generators, self._limit[effectors])
+        arrays = ContactArrays(*poses, self.pool.corners(numbers, self._half), generators, self._limit[effectors])
         corners = balance_polygon(arrays, MAX_CORNERS)
         return corners if len(corners) >= 3 else None
 

@@ -7,11 +7,11 @@ W is the world. Everything is copied in, checked once and read-only from then on
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scenes.contact import Contact, contact_heading
+from scenes.contact import Contact, contact_heading, patch_corners, require_support
 from scenes.effector import EFFECTORS, is_foot
 from scenes.stance import Stance
 
@@ -27,19 +27,52 @@ class PlanContacts:
         effector: (C,) index into the plan's effectors.
         surface: (C,) index into the surfaces of the plan's scene.
         friction: (C,) Coulomb coefficient there [-].
+        support: (C, V, 2) corners of what of the patch rests on something, convex, counter-clockwise in the contact frame
+            [m], padded with NaN; a row without numbers is the whole patch, and so are all rows where it is None.
     """
 
     X_WC: np.ndarray
     effector: np.ndarray
     surface: np.ndarray
     friction: np.ndarray
+    support: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         _freeze(self, "contacts", floats={"X_WC": (None, 4, 4), "friction": (None,)}, indices={"effector", "surface"})
         _same_length(self, "contacts", "X_WC", "effector", "surface", "friction")
+        support = np.full((len(self), 4, 2), np.nan) if self.support is None else np.array(self.support, float)
+        if support.ndim != 3 or support.shape[0] != len(self) or support.shape[2] != 2:
+            raise ValueError(f"contacts/support must be {len(self)} x any x 2, got shape {support.shape}")
+        for corners in support:
+            filled = int(np.isfinite(corners).all(axis=1).sum())
+            if not np.isnan(corners[filled:]).all():
+                raise ValueError("contacts/support holds a number that is not finite")
+            if filled:
+                require_support(corners[:filled])
+        support.setflags(write=False)
+        object.__setattr__(self, "support", support)
 
     def __len__(self) -> int:
         return len(self.effector)
+
+    def corners(self, index: int) -> np.ndarray:
+        """(n, 2) corners of one contact's support in its frame [m]; none where the whole patch is meant."""
+        assert self.support is not None  # filled in where it was made
+        return self.support[index][np.isfinite(self.support[index, :, 0])]
+
+    def with_whole_patches(self, half_extent: np.ndarray) -> PlanContacts:
+        """The same contacts with the corners of the patch in the rows that have none.
+
+        Args:
+            half_extent: (E, 2) half extents of each end effector's patch [m].
+        """
+        whole = patch_corners(half_extent)[self.effector].reshape(-1, 4, 2)
+        rows = [c if len(c) else w for c, w in zip(map(self.corners, range(len(self))), whole, strict=True)]
+        most = max((len(row) for row in rows), default=4)
+        support = np.full((len(rows), most, 2), np.nan)
+        for k, row in enumerate(rows):
+            support[k, : len(row)] = row
+        return replace(self, support=support)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +222,7 @@ class Plan:
             raise ValueError("phases, centroidal and motion come together or not at all")
         _check_indices("contacts/effector", self.contacts.effector, 0, num_effectors)
         _check_indices("contacts/surface", self.contacts.surface, 0, None)
+        object.__setattr__(self, "contacts", self.contacts.with_whole_patches(self.half_extent))
         _check_contact_table("stances/contact", self.stances, num_effectors, len(self.contacts))
         if self.phases is not None and self.centroidal is not None:
             _check_contact_table("phases/contact", self.phases.contact, num_effectors, len(self.contacts))
@@ -210,12 +244,14 @@ class Plan:
         """The contact in this row of the table, with the heading that its frame was made from."""
         table = self.contacts
         X_WC, effector = table.X_WC[index], self.effectors[table.effector[index]]
+        support, whole = table.corners(index), patch_corners(self.half_extent[table.effector[index]])
         return Contact(
             effector=effector,
             surface=int(table.surface[index]),
             X_WC=X_WC,
             friction=float(table.friction[index]),
             heading=contact_heading(X_WC) if is_foot(effector) else float(np.arctan2(X_WC[1, 0], X_WC[0, 0])),
+            support=None if np.array_equal(support, whole) else support,
         )
 
     def stance(self, index: int) -> Stance:
@@ -244,11 +280,16 @@ def tabulate_stances(stances: Sequence[Stance]) -> tuple[PlanContacts, np.ndarra
             else:
                 indices[s, e] = len(rows)
                 rows.append(contact)
+    support = np.full((len(rows), max((len(c.support) for c in rows if c.support is not None), default=4), 2), np.nan)
+    for k, contact in enumerate(rows):
+        if contact.support is not None:
+            support[k, : len(contact.support)] = contact.support
     table = PlanContacts(
         X_WC=np.array([c.X_WC for c in rows]).reshape(-1, 4, 4),
         effector=np.array([EFFECTORS.index(c.effector) for c in rows], dtype=np.int64),
         surface=np.array([c.surface for c in rows], dtype=np.int64),
         friction=np.array([c.friction for c in rows], dtype=float),
+        support=support,
     )
     return table, indices
 

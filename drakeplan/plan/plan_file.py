@@ -20,7 +20,8 @@ from scenes.files.whole_file import require_writable as require_writable
 from scenes.files.whole_file import write_whole
 from scenes.input_error import InputError
 
-FORMAT, VERSION = "drakeplan-plan", 1
+FORMAT, VERSION = "drakeplan-plan", 2
+READABLE = (1, 2)  # a file of version 1 has no supports: all patches are whole
 MAX_BYTES = 1 << 30  # a file larger than this is not a plan
 MAX_ATTRIBUTE = 60_000  # [bytes] HDF5 keeps attributes up to 64 KiB
 
@@ -33,7 +34,11 @@ DATASETS: dict[str, tuple[str, str]] = {
     "contacts/X_WC": ("m", "W; pose of the contact frame, z along the surface normal, x forward"),
     "contacts/effector": ("", "index into /effectors"),
     "contacts/surface": ("", "index into the scene's surfaces"),
-    "contacts/friction": ("1", "Coulomb coefficient of the surface"),
+    "contacts/friction": ("1", "Coulomb coefficient, the least under the support"),
+    "contacts/support": (
+        "m",
+        "contact frame; corners of the part of the patch that rests on something: convex, counter-clockwise, padded with NaN",
+    ),
     "stances/contact": ("", "index into /contacts by end effector, -1 where free"),
     "phases/start": ("s", "time"),
     "phases/end": ("s", "time"),
@@ -284,8 +289,8 @@ def _check_header(file: h5py.File) -> str:
     if _attribute(file, "format") != FORMAT:
         raise InputError(f"not a plan file: format is {_attribute(file, 'format')!r}, expected {FORMAT!r}")
     version = _number(file, "version")
-    if version != VERSION:
-        raise InputError(f"version: this program reads version {VERSION}, the file has {version:g}")
+    if version not in READABLE:
+        raise InputError(f"version: this program reads versions {READABLE[0]} to {VERSION}, the file has {version:g}")
     status = _attribute(file, "status")
     if status not in (COMPLETE, CONTACTS_ONLY):
         raise InputError(f"status: expected {COMPLETE!r} or {CONTACTS_ONLY!r}, got {status!r}")
@@ -310,6 +315,8 @@ def _read_part(file: h5py.File, group: str, kind: type[Part]) -> Part:
     for name in DATASETS:
         folder, _, leaf = name.partition("/")
         if folder == group:
+            if leaf == "support" and _number(file, "version") == 1:
+                continue
             whole = leaf in ("contact", "effector", "surface")
             arrays[leaf] = _integers(file, name) if whole else _numbers(file, name)
     return kind(**arrays)

@@ -120,11 +120,26 @@ def _patch(meshcat: Meshcat, plan: Plan, index: int) -> None:
     effector = int(plan.contacts.effector[index])
     name = plan.effectors[effector]
     length, width = 2 * plan.half_extent[effector]
-    path = f"{ROOT}/contacts/{name}/{index}"
-    meshcat.SetObject(path, Box(length, width, PATCH), EFFECTOR_COLOURS[name])
+    path, colour = f"{ROOT}/contacts/{name}/{index}", EFFECTOR_COLOURS[name]
     X_WC = plan.contacts.X_WC[index]
     R_WC = RotationMatrix.ProjectToRotationMatrix(X_WC[:3, :3])  # a file may hold one that is off in its last digits
+    support = plan.contact(index).support
+    if support is not None:  # what carries stands out of a paler patch
+        vertices, faces = _prism(support, 1.25 * PATCH)
+        meshcat.SetTriangleMesh(f"{path}/support", vertices.T, faces.T, colour)
+        colour = Rgba(*(0.35 * np.array([colour.r(), colour.g(), colour.b()]) + 0.6))
+    meshcat.SetObject(f"{path}/patch", Box(length, width, PATCH), colour)
     meshcat.SetTransform(path, RigidTransform(R_WC, X_WC[:3, 3] + 0.3 * PATCH * X_WC[:3, 2]))
+
+
+def _prism(polygon: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """(2 V, 3) vertices and (F, 3) outward faces of a convex polygon (V, 2), counter-clockwise, made as high as this [m]."""
+    n = len(polygon)
+    top, bottom = (np.column_stack([polygon, np.full(n, z)]) for z in (0.5 * height, -0.5 * height))
+    k, after = np.arange(n), np.roll(np.arange(n), -1)
+    lid = np.column_stack([np.zeros(n - 2, int), k[1:-1], k[2:]])
+    sides = np.concatenate([np.column_stack([n + k, n + after, after]), np.column_stack([n + k, after, k])])
+    return np.vstack([top, bottom]), np.concatenate([lid, n + lid[:, ::-1], sides]).astype(np.int32)
 
 
 def _patch_corners(plan: Plan) -> np.ndarray:

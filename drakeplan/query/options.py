@@ -45,6 +45,7 @@ class PlanOptions:
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         use_palms: whether palms may be used.
+        full_soles: whether all of every sole has to rest on something; else a part of it may.
         stop: polled; True ends the query, which then returns the best contacts so far.
         used: seconds of the deadline that were used before the call.
         keep: called with contacts, before their motion is made: what is left of the query should its process be killed.
@@ -66,6 +67,7 @@ class PlanOptions:
     heuristic: HeuristicName = "grid"
     transition_model: str | None = None
     use_palms: bool = True
+    full_soles: bool = False
     deadline: float = 30.0
     improve: float = 1.0
     expansions: int | None = None

@@ -61,7 +61,7 @@ def plan_scene(
         )
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
     deadline = Deadline(options.deadline, options.stop, options.used)
-    context = QueryContext(scene, robot, WholeBodyIK(robot), options.cone, deadline)
+    context = QueryContext(scene, robot, WholeBodyIK(robot), options.cone, deadline, options.full_soles)
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
         _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)

@@ -249,6 +249,7 @@ class Query:
             "command": self.options.command,
             "planner": self.options.planner,
             "dynamics": self.record.dynamics,
+            "full_soles": self.options.full_soles,
             "limits_fired": list(self.record.limits_fired),
             "expansions": self.record.expansions,
             "cost": self.record.cost,

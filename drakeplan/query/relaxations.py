@@ -74,7 +74,7 @@ def relaxations(context: QueryContext, options: PlannerOptions) -> list[Relaxati
             for e in robot.effectors[:2]
         ]
         shorter = dataclasses.replace(robot, effectors=(*soles, *robot.effectors[2:]))
-        easier = QueryContext(context.scene, shorter, context.ik, context.cone)
+        easier = QueryContext(context.scene, shorter, context.ik, context.cone, full_soles=context.full_soles)
         rungs.append(Relaxation("sole", f"soles of {100 * SMALLER_SOLE:g} % of their size", "", easier, feet))
     return rungs
 
@@ -98,4 +98,4 @@ def with_terrain(context: QueryContext, terrain: Terrain) -> QueryContext:
         terrain: instead of its own.
     """
     scene = dataclasses.replace(context.scene, terrain=terrain)
-    return QueryContext(scene, context.robot, context.ik, context.cone)
+    return QueryContext(scene, context.robot, context.ik, context.cone, full_soles=context.full_soles)

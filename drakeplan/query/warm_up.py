@@ -12,6 +12,7 @@ from drakeplan.search.ana_star import Limits
 from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.footholds.partial_support import rest_down
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene, Start
 from scenes.stance import Stance
@@ -41,6 +42,7 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     terrain = Terrain((floor, wall if wall.normal[1] < 0 else wall.flipped()), (post,))
     scene = Scene("warm_up", terrain, Start((0.0, 0.0, 0.0)), Goal((0.5, 0.0, 0.0), 0.1))
     context = QueryContext(scene, robot, ik)
+    rest_down(context.packed, robot.effectors[0], (-1.0, 0.0, 0.0), (-1.0, 1.0))  # half on the floor
     stances: tuple[Stance, ...] = ()
     for dynamics in _judges(robot):
         planner = SearchPlanner(context, PlannerOptions(dynamics=dynamics))

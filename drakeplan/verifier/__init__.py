@@ -21,14 +21,16 @@ positions q and velocities v. #(...) counts rows. All values are the worst of th
 | frame spacing | t[i+1] - t[i] | 0.0201 s | 50 Hz: what lies between frames is not looked at |
 | contact pose | X_WC off a rigid transform: R^T R - 1, det R - 1, last row | 1e-6 | rounding |
 | patch size | 1 mm - half extents | 0 m | a patch has an area |
+| support in patch | corner of the support outside the patch; infinite if not convex | 1e-6 m | rounding |
 | contact surface exists | #(index of no surface) | 0 | an index names a surface |
 | contact allowed | #(surface not for this end effector) | 0 | the scene says who may touch a surface, else its tilt |
-| contact friction | mu - mu of the surface | 1e-9 | the same number twice |
-| contact on surface | (p_WC - p_WS) . n_S | 1e-3 m | far above rounding, below what a sole's rubber gives |
-| contact normal | angle of n to n_S | 1e-3 rad | 0.1 mm over half a sole |
-| patch inside | corner of the patch outside the surface's outline, or point of | 1e-3 m | far above rounding, below what carries load |
-|  | it that no surface of its floor lies under; joints up to 6 mm are none |  |  |
-| patch uncovered | height of other surfaces and obstacles over the patch | 3e-3 m | surfaces closer than this are one floor |
+| contact friction | mu over the least mu of the surfaces under the support, or off their one mu | 1e-9 | the same number twice |
+| contact on surface | (p_WC - p_WS) . n_S, unless it lies on edges | 1e-3 m | far above rounding, below what a sole's rubber gives |
+| contact normal | angle of n to n_S, unless it lies on edges | 1e-3 rad | 0.1 mm over half a sole |
+| support on terrain | corner of the support off a face that is turned from it by | 3e-3 m | surfaces closer than this are one floor |
+|  | at most 1 deg, or off an edge, of surfaces for this end effector |  |  |
+| support size | 1 cm - inner radius of a support that is not the whole patch | 0 m | a sole rolls over a smaller one |
+| patch uncovered | height of surfaces and obstacles over the patch | 3e-3 m | surfaces closer than this are one floor |
 | patch on robot | corner of the patch to the body's collision shape | 0.01 m | shapes are simplified; a larger sole carries more |
 | stance effectors | #(contact of another end effector) | 0 | columns of the table are end effectors |
 | one change a stance | #(changes from stance to stance) - 1 | 0 | the format's definition of a sequence |
@@ -42,7 +44,7 @@ positions q and velocities v. #(...) counts rows. All values are the worst of th
 | no force without contact | abs(f), abs(tau) where nothing is held | 1e-9 M g | rounding |
 | last row repeats | last row of contacts and forces - the one before | 1e-9 | nothing acts after the last knot |
 | unilateral | -f . n | 1e-9 M g | rounding: contacts push |
-| wrench in true cone | l1 distance from 4 corner forces, abs(f_t) <= mu f . n | 1e-6 M g | tolerance of the linear program |
+| wrench in true cone | l1 distance from forces at the corners, abs(f_t) <= mu f . n | 1e-6 M g | tolerance of the linear program |
 | wrench in named cone | the same with the cone that the plan names | 1e-6 M g | tolerance of the linear program |
 | mass | M of the file / M of the model - 1 | 1e-6 | rounding |
 | newton | (l[n+1] - l[n]) / dt - sum f - M g | 1e-6 M g | the planner's own equation: rounding |

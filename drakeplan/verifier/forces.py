@@ -46,10 +46,10 @@ def check_forces(sheet: Sheet, plan: PlanFile) -> None:
     pull[knot, effector] = -f_C[:, 2]
     sheet.add("unilateral", pull, 1e-9, "M g", at)
     cop, torque = plan["centroidal/cop_C"][knot, effector], plan["centroidal/torque_n"][knot, effector] / weight
-    half = plan["effectors_half_extent"][effector]
+    supports = [plan.support(c) for c in which]
     for name, cone in (("true", TRUE_CONE), ("named", CONES[plan.attributes["friction_cone"]])):
         distance = np.zeros(contact.shape)
-        distance[knot, effector] = wrench_distance(cone, f_C, cop, torque, half, friction)
+        distance[knot, effector] = wrench_distance(cone, f_C, cop, torque, supports, friction)
         sheet.add(f"wrench in {name} cone", distance, WRENCH, "M g", at)
 
 
@@ -94,9 +94,10 @@ def _imbalance(plan: PlanFile, held: np.ndarray, com: np.ndarray) -> float:
     rows = [c for c in held if c >= 0]
     if not rows:
         return np.inf
-    half = plan["effectors_half_extent"][plan["contacts/effector"]]
     blocks = [
-        corner_wrenches(plan["contacts/X_WC"][c], half[c], TRUE_CONE.rays(float(plan["contacts/friction"][c])), com)
+        corner_wrenches(
+            plan["contacts/X_WC"][c], plan.support(c), TRUE_CONE.rays(float(plan["contacts/friction"][c])), com
+        )
         for c in rows
     ]
     return float(distance_to_cones([np.hstack(blocks)], np.array([[0, 0, 1.0, 0, 0, 0]]))[0])

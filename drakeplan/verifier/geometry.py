@@ -1,4 +1,4 @@
-"""Corners of patches, parts of polygons, angles between frames."""
+"""Corners of patches and supports, parts of polygons, angles between frames."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def corners(X_WC: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """(4, 3) corners of a patch in W [m].
+def patch(half: np.ndarray) -> np.ndarray:
+    """(4, 2) corners of a patch with half extents (2,) in its own frame [m], counter-clockwise."""
+    return np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) * half
+
+
+def in_world(X_WC: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n, 3) points of a contact's plane in W [m].
 
     Args:
         X_WC: (4, 4) pose of the contact frame in W [m].
-        half: (2,) half extents along its x and y [m].
+        points: (n, 2) in that frame [m].
     """
-    signs = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
-    return X_WC[:3, 3] + (signs * [*half, 0.0]) @ X_WC[:3, :3].T
+    return X_WC[:3, 3] + points @ X_WC[:3, :2].T
 
 
 def clip(polygon: np.ndarray, low: np.ndarray | Sequence[float], high: np.ndarray | Sequence[float]) -> np.ndarray:

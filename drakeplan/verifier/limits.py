@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 
-FORMAT, VERSION = "drakeplan-plan", 1
+FORMAT, VERSIONS = "drakeplan-plan", (1, 2)  # version 1 has no supports: all patches are whole
 EFFECTORS = ("left_foot", "right_foot", "left_palm", "right_palm")
 GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2] W
 MAX_FILE, MAX_YAML = 1 << 30, 1 << 26  # [bytes]
 
 ON_SURFACE = 1e-3  # [m] contact point off its surface
-INSIDE = 1e-3  # [m] corner of a patch outside its surface's outline
-FLUSH, SAME_PLANE = 3e-3, np.deg2rad(1.0)  # [m, rad] surfaces are one floor within this of one plane
-JOINT = 3e-3  # [m] every point of a patch is this near to its floor: joints up to twice as wide are none
+SUPPORTED, SAME_PLANE = 3e-3, np.deg2rad(1.0)  # [m, rad] corner of a support off terrain that faces it, or off an edge
+TOUCHES = 1e-6  # [m, m^2] what reaches beyond a surface, or lies on it, by less is rounding
+IN_PATCH = 1e-6  # [m] corner of a support outside its patch
+INNER_RADIUS = 0.01  # [m] of the least support; its area is then 3.1 cm^2 or more, and 2 cm^2 are asked
+MOST_CORNERS = 8  # of a support
 ALONG_NORMAL = 1e-3  # [rad] contact frame's z off the surface's normal
 COVERED = 3e-3  # [m] what rises less than this over a patch does not cover it
 BESIDE = 3e-3  # [m] plates that touch a patch's rim by less than this do not cover it

@@ -10,13 +10,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from .geometry import patch
 from .limits import (
     EFFECTORS,
     FORMAT,
     FRAME_SPACING,
     KNOT_SPACING,
     MAX_FILE,
-    VERSION,
+    VERSIONS,
 )
 from .report import Sheet
 from .wrenches import CONES
@@ -42,6 +43,7 @@ ALWAYS: Layout = {
     "contacts/friction": ("f", ("C",)),
     "stances/contact": ("i", ("S", 4)),
 }
+SUPPORTS: Layout = {"contacts/support": ("f", ("C", "V", 2))}
 WHEN_COMPLETE: Layout = {
     "phases/start": ("f", ("P",)),
     "phases/end": ("f", ("P",)),
@@ -79,6 +81,13 @@ class PlanFile:
     def complete(self) -> bool:
         return self.attributes["status"] == "complete"
 
+    def support(self, contact: int) -> np.ndarray:
+        """(n, 2) corners of a contact's support in its frame [m]: the whole patch where the file has none."""
+        if "contacts/support" not in self.data:
+            return patch(self["effectors_half_extent"][self["contacts/effector"][contact]])
+        corners = self["contacts/support"][contact]
+        return corners[~np.isnan(corners).all(axis=1)]
+
     def held(self, contact: int) -> str:
         """Index and end effector of a contact, for messages."""
         return f"contact {contact} ({EFFECTORS[self['contacts/effector'][contact]]})"
@@ -99,8 +108,9 @@ def read_plan(path: Path) -> PlanFile:
 
 
 def _read_content(path: Path, file: h5py.File) -> PlanFile:
-    if file.attrs.get("format") != FORMAT or file.attrs.get("version") != VERSION:
-        raise UnreadablePlan(f"expected format {FORMAT!r} version {VERSION}")
+    version = file.attrs.get("version")
+    if file.attrs.get("format") != FORMAT or version not in VERSIONS:
+        raise UnreadablePlan(f"expected format {FORMAT!r} version {' or '.join(map(str, VERSIONS))}")
     attributes = {key: value for key in TEXTS if isinstance(value := file.attrs.get(key), str)}
     missing = [key for key in TEXTS if key not in attributes]
     if missing:
@@ -112,7 +122,7 @@ def _read_content(path: Path, file: h5py.File) -> PlanFile:
     mass = file.attrs.get("mass")
     if not isinstance(mass, int | float | np.number):
         raise UnreadablePlan("attribute mass: expected a number")
-    layout = ALWAYS | (WHEN_COMPLETE if attributes["status"] == "complete" else {})
+    layout = ALWAYS | (SUPPORTS if version != 1 else {}) | (WHEN_COMPLETE if attributes["status"] == "complete" else {})
     lengths: dict[str, int] = {}
     data, text, names = {}, {}, {}
     for name, (kind, shape) in layout.items():
@@ -178,7 +188,8 @@ def check_data(sheet: Sheet, plan: PlanFile) -> str:
         plan: the plan file.
     """
     sheet.add("complete", float(not plan.complete), 0, "", f"status is {plan.attributes['status']!r}")
-    real = [name for name, array in plan.data.items() if array.dtype.kind == "f"]
+    padded = "contacts/support"  # with NaN; its check is among those of the contacts
+    real = [name for name, array in plan.data.items() if array.dtype.kind == "f" and name != padded]
     infinite = [np.count_nonzero(~np.isfinite(plan[name])) for name in real]
     finite = sheet.add(
         "numbers finite", [*infinite, not math.isfinite(plan.mass)], 0, "", lambda i: [*real, "mass"][i[0]]

@@ -14,7 +14,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from .geometry import corners
+from .geometry import in_world, patch
 from .limits import (
     EFFECTORS,
     PATCH_OFF_BODY,
@@ -127,7 +127,7 @@ def check_patches_on_robot(sheet: Sheet, plan: PlanFile, robot: RobotModel) -> N
         welded = robot.plant.GetBodiesWeldedTo(frame.body())
         own = {g for body in welded for g in robot.plant.GetCollisionGeometriesForBody(body)}
         X_WE = frame.CalcPoseInWorld(robot.plant_context).GetAsMatrix4()
-        for k, corner in enumerate(corners(X_WE, plan["effectors_half_extent"][e])):
+        for k, corner in enumerate(in_world(X_WE, patch(plan["effectors_half_extent"][e]))):
             found = [d.distance for d in query.ComputeSignedDistanceToPoint(corner) if d.id_G in own]
             distances[e, k] = min(found, default=np.nan)
     sheet.add("patch on robot", distances, PATCH_OFF_BODY, "m", lambda i: EFFECTORS[i[0]])

@@ -39,12 +39,13 @@ def verify(path: str | Path, robot_model: str | Path | None = None) -> Report:
 
 def _check_plan(sheet: Sheet, plan: PlanFile, model: Path) -> None:
     scene, robot = read_scene(plan.text["scene/yaml"]), RobotModel(model)
-    check_contacts(sheet, plan, scene)
+    judged = check_contacts(sheet, plan, scene)
     check_patches_on_robot(sheet, plan, robot)
     check_stances(sheet, plan)
     if plan.complete:
         check_phases(sheet, plan)
-        check_forces(sheet, plan)
-        check_momentum(sheet, plan, robot)
+        if judged:
+            check_forces(sheet, plan)
+            check_momentum(sheet, plan, robot)
         check_motion(sheet, plan, robot, scene)
     check_ends(sheet, plan, scene)

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.optimize
 import scipy.sparse
 
-from .geometry import corners
+from .geometry import in_world
 
 
 @dataclass(frozen=True)
@@ -56,25 +56,58 @@ CONES = {
 
 
 def wrench_distance(
-    cone: Cone, f_C: np.ndarray, cop_C: np.ndarray, torque_n: np.ndarray, half: np.ndarray, friction: np.ndarray
+    cone: Cone,
+    f_C: np.ndarray,
+    cop_C: np.ndarray,
+    torque_n: np.ndarray,
+    supports: Sequence[np.ndarray],
+    friction: np.ndarray,
 ) -> np.ndarray:
-    """(K,) how far each contact wrench is from a sum of four corner forces inside the cone, in units of the force.
+    """(K,) how far each contact wrench is from a sum of corner forces inside the cone, in units of the force.
 
-    Most wrenches pass a closed form: share the force among the corners by the bilinear weights that put it at the
-    centre of pressure, and turn it about that point until the torque is right. The rest go to one linear program.
+    Most wrenches pass a closed form: share the force among the corners by weights that put it at the centre of pressure,
+    and turn it about that point until the torque is right. The rest go to one linear program.
 
     Args:
         cone: of the corner forces.
         f_C: (K, 3) force in the contact frame.
         cop_C: (K, 2) centre of pressure in the contact frame [m].
         torque_n: (K,) torque about the normal at the centre of pressure.
-        half: (K, 2) half extents of the patch [m].
+        supports: K of (n, 2), corners of the supports in the contact frame [m], counter-clockwise.
         friction: (K,) coefficients.
     """
-    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    distance = np.zeros(len(f_C))
-    weights = np.prod(1 + signs * (cop_C / half)[:, None], axis=2) / 4  # (K, 4), sum 1
-    arms = signs * half[:, None] - cop_C[:, None]  # (K, 4, 2) from the centre of pressure to the corners
+    distance, sizes = np.zeros(len(f_C)), np.array([len(corners) for corners in supports], int)
+    simple = np.zeros(len(f_C), bool)
+    for size in np.unique(sizes):
+        rows = np.flatnonzero(sizes == size)
+        corners = np.array([supports[k] for k in rows.tolist()])
+        simple[rows] = _simply_admissible(cone, f_C[rows], cop_C[rows], torque_n[rows], corners, friction[rows])
+    rest = np.flatnonzero(~simple)
+    if not len(rest):
+        return distance
+    moment = np.stack([cop_C[:, 1] * f_C[:, 2], -cop_C[:, 0] * f_C[:, 2]], axis=1)
+    about_z = cop_C[:, 0] * f_C[:, 1] - cop_C[:, 1] * f_C[:, 0] + torque_n
+    wrenches = np.column_stack([f_C, moment, about_z])
+    blocks = [corner_wrenches(np.eye(4), supports[k], cone.rays(friction[k]), np.zeros(3)) for k in rest.tolist()]
+    distance[rest] = distance_to_cones(blocks, wrenches[rest])
+    return distance
+
+
+def _simply_admissible(
+    cone: Cone, f_C: np.ndarray, cop_C: np.ndarray, torque_n: np.ndarray, corners: np.ndarray, friction: np.ndarray
+) -> np.ndarray:
+    """(K,) whether the closed form finds corner forces inside the cone.
+
+    Args:
+        cone: of the corner forces.
+        f_C: (K, 3) force in the contact frame.
+        cop_C: (K, 2) centre of pressure in the contact frame [m].
+        torque_n: (K,) torque about the normal at the centre of pressure.
+        corners: (K, n, 2) of the supports [m].
+        friction: (K,) coefficients.
+    """
+    weights = _shares(corners, cop_C)  # (K, n), sum 1
+    arms = corners - cop_C[:, None]  # (K, n, 2) from the centre of pressure to the corners
     inertia = (weights * (arms**2).sum(2)).sum(1)  # [m^2], 0 at a corner: no torque there
     turn = torque_n / np.maximum(inertia, 1e-9)
     tangential = f_C[:, None, :2] + turn[:, None, None] * np.stack([-arms[..., 1], arms[..., 0]], axis=2)
@@ -84,28 +117,42 @@ def wrench_distance(
     simple = (weights.min(axis=1) >= 0) & (f_C[:, 2] > 0) & (needed <= friction * (1 + 1e-9))
     simple &= (inertia > 1e-9) | (np.abs(torque_n) < 1e-10)
     simple |= (np.abs(f_C).max(axis=1) < 1e-10) & (np.abs(torque_n) < 1e-10)
-    rest = np.flatnonzero(~simple)
-    if not len(rest):
-        return distance
-    moment = np.stack([cop_C[:, 1] * f_C[:, 2], -cop_C[:, 0] * f_C[:, 2]], axis=1)
-    about_z = cop_C[:, 0] * f_C[:, 1] - cop_C[:, 1] * f_C[:, 0] + torque_n
-    wrenches = np.column_stack([f_C, moment, about_z])
-    blocks = [corner_wrenches(np.eye(4), half[k], cone.rays(friction[k]), np.zeros(3)) for k in rest]
-    distance[rest] = distance_to_cones(blocks, wrenches[rest])
-    return distance
+    return simple
 
 
-def corner_wrenches(X_WC: np.ndarray, half: np.ndarray, rays: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """(6, 4 G) force and moment about a point of W of every generator at every corner of a patch.
+def _shares(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(K, n) weights, sum 1, whose mean of the corners (K, n, 2) is a point (K, 2); NaN outside.
+
+    Wachspress 1975, "A Rational Finite Element Basis": corner i weighs its own triangle with its neighbours times all
+    triangles of the point and an edge that does not meet it. For a rectangle these are the bilinear weights.
+    """
+    before, after = np.roll(corners, 1, axis=1), np.roll(corners, -1, axis=1)
+    edges = _doubled_area(corners, after, point[:, None])  # of edge i, from corner i to the next
+    num = corners.shape[1]
+    weights = _doubled_area(before, corners, after)
+    for i in range(num):
+        others = [k for k in range(num) if k not in (i, (i - 1) % num)]
+        weights[:, i] *= edges[:, others].prod(axis=1)
+    weights[(edges < 0).any(axis=1)] = np.nan
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def _doubled_area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """(K, n) twice the areas of triangles of points (K, n, 2), positive counter-clockwise."""
+    return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+
+
+def corner_wrenches(X_WC: np.ndarray, support: np.ndarray, rays: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """(6, n G) force and moment about a point of W of every generator at every corner of a support.
 
     Args:
         X_WC: (4, 4) pose of the contact frame in W [m].
-        half: (2,) half extents of the patch [m].
+        support: (n, 2) corners in the contact frame [m].
         rays: (3, G) generators of the friction cone in the contact frame.
         about: (3,) point of moments in W [m].
     """
     forces = X_WC[:3, :3] @ rays
-    columns = [np.vstack([forces, np.cross(p - about, forces.T).T]) for p in corners(X_WC, half)]
+    columns = [np.vstack([forces, np.cross(p - about, forces.T).T]) for p in in_world(X_WC, support)]
     return np.hstack(columns)
 
 

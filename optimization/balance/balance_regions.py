@@ -8,7 +8,7 @@ import numpy as np
 
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_generators
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon
-from scenes.contact import Contact
+from scenes.contact import Contact, support_corners
 from scenes.effector import EFFECTORS
 from scenes.robots.robot import Robot
 
@@ -18,7 +18,7 @@ NARROW = 0.4  # share of the way from the nearest edge of a narrow polygon to it
 
 
 def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactArrays:
-    """The arrays of some of a robot's contacts, with friction from the contacts.
+    """The arrays of some of a robot's contacts, with friction and supports from the contacts.
 
     Args:
         contacts: n of them.
@@ -33,7 +33,7 @@ def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone
     return ContactArrays(
         p_WC=np.array([c.p_WC for c in contacts], float).reshape(-1, 3),
         R_WC=np.array([c.R_WC for c in contacts], float).reshape(-1, 3, 3),
-        half=np.array([robot.effectors[i].half_extent for i in index], float).reshape(-1, 2),
+        corners=support_corners(contacts, np.array([e.half_extent for e in robot.effectors])),
         generators=np.array([cone_generators(cone, c.friction) for c in contacts], float).reshape(-1, num_g, 3),
         force_limit=np.array([robot.force_limit[i] for i in index], float),
     )

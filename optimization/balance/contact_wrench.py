@@ -1,4 +1,4 @@
-"""Contact wrenches as sums of four corner forces: what a flat patch can transmit through a friction cone.
+"""Contact wrenches as sums of corner forces: what a flat support can transmit through a friction cone.
 
 A wrench is admissible when it is such a sum with each corner force inside the cone; friction, centre of pressure and
 yaw torque then hold together (Caron et al. 2015, see `optimization.balance.friction`).
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimization.balance.friction import FrictionCone, cone_rows, corner_points
+from optimization.balance.friction import FrictionCone, cone_rows
+
+SMALLEST = 1e-6  # [m] lengths below this count as this much where something is divided by them
 
 
 def skew(a: np.ndarray) -> np.ndarray:
@@ -33,36 +35,37 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 class CornerForces:
-    """Four corner forces for each of J contacts.
+    """Forces at the V corners of the support of each of J contacts.
 
     Args:
         cone: `optimization.balance.friction.FrictionCone`.
         friction: (J,) coefficients.
-        half: (J, 2) half extents of the patches [m].
+        corners: (J, V, 2) corners of the supports in C [m].
         arm: moments are written in (unit of force) x arm [m].
 
     Attributes:
-        map: (J, 6, 12) from the corner forces, one after another, to the wrench (f, m / arm).
+        count: V.
+        map: (J, 6, 3 V) from the corner forces, one after another, to the wrench (f, m / arm).
         rows: (J, R, 3) faces of the (polyhedral) cone: rows @ f <= 0 for each corner force.
     """
 
-    def __init__(self, cone: FrictionCone, friction: np.ndarray, half: np.ndarray, arm: float) -> None:
+    def __init__(self, cone: FrictionCone, friction: np.ndarray, corners: np.ndarray, arm: float) -> None:
         self.cone, self.friction = cone, friction
-        signs = corner_points(np.ones(2))
-        corners = signs * np.concatenate([half, np.zeros((len(half), 1))], axis=1)[:, None]
-        self.map = np.zeros((len(half), 6, 12))
-        self.map[:, :3] = np.tile(np.eye(3), 4)
-        self.map[:, 3:] = (skew(corners) / arm).transpose(0, 2, 1, 3).reshape(-1, 3, 12)
+        self.count = num_corners = corners.shape[1]
+        points = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2)
+        self.map = np.zeros((len(corners), 6, 3 * num_corners))
+        self.map[:, :3] = np.tile(np.eye(3), num_corners)
+        self.map[:, 3:] = (skew(points) / arm).transpose(0, 2, 1, 3).reshape(-1, 3, 3 * num_corners)
         known = {mu: cone_rows(cone, mu)[:-1] for mu in np.unique(friction)}  # they imply f_z >= 0 together
         count = len(cone_rows(cone, 1.0)) - 1
         self.rows = np.array([known[mu] for mu in friction]).reshape(-1, count, 3)
 
     def wrench(self, forces: np.ndarray) -> np.ndarray:
-        """(J, 6) wrenches of corner forces (J, 4, 3)."""
-        return np.einsum("jab,jb->ja", self.map, forces.reshape(-1, 12))
+        """(J, 6) wrenches of corner forces (J, V, 3)."""
+        return np.einsum("jab,jb->ja", self.map, forces.reshape(-1, self.map.shape[2]))
 
     def project(self, forces: np.ndarray) -> np.ndarray:
-        """Corner forces (J, 4, 3) with the tangential part that sticks out of the cone cut off."""
+        """Corner forces (J, V, 3) with the tangential part that sticks out of the cone cut off."""
         normal = np.maximum(forces[..., 2:], 0.0)
         tangent = forces[..., :2]
         if self.cone == "second_order":
@@ -79,13 +82,13 @@ class CornerForces:
 def pressure_residuals(
     wrench: np.ndarray, half: np.ndarray, arm: float, least_load: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centre of pressure over the patch's lengths and normal torque there, with their derivatives.
+    """Centre of pressure over the support's lengths and normal torque there, with their derivatives.
 
     cop = (-m_y, m_x) / f_z and tau = m_z + (m_x f_x + m_y f_y) / f_z; f_z counts as `least_load` at least.
 
     Args:
-        wrench: (J, 6) force and moment over `arm` about the patch's centre, in the contact frames.
-        half: (J, 2) half extents [m].
+        wrench: (J, 6) force and moment over `arm` about the contact points, in the contact frames.
+        half: (J, 2) half extents of the supports [m].
         arm: unit of length of the moments [m].
         least_load: in the unit of force.
 
@@ -95,7 +98,7 @@ def pressure_residuals(
     fx, fy, fz, mx, my, mz = wrench.T
     load = np.maximum(fz, least_load)
     slope = np.where(fz > least_load, 1.0, 0.0)
-    a, b = (arm / (2 * np.maximum(h, 1e-6)) for h in half.T)
+    a, b = (arm / (2 * np.maximum(h, SMALLEST)) for h in half.T)
     turn = (mx * fx + my * fy) / load
     z = np.stack([-a * my / load, b * mx / load, mz + turn], axis=1)
     jacobian = np.zeros((len(wrench), 3, 6))

@@ -39,25 +39,22 @@ NEAR_TIE = 1e-11  # two columns whose edges turn less than this apart [rad]
 MAX_PIVOTS = 500  # a phase takes 5 to 15
 WRENCH = 6  # rows of a column
 
-CORNER_X = np.array([1.0, -1.0, -1.0, 1.0])
-CORNER_Y = np.array([1.0, 1.0, -1.0, -1.0])
-
-# A packed contact: p (3) from the mean of the contacts, R_WC (9) row by row, half extents (2), square of the widest
-# generator's tangential part.
-HX, HY, WIDE, PACKED = 12, 13, 14, 15
+# A packed contact: p (3) from the mean of the contacts, R_WC (9) row by row, square of the widest generator's tangential
+# part, x and y of each of V corners in C.
+WIDE, CORNERS = 12, 13
 
 
 @njit(cache=True)
 def pack(
-    p_WC: np.ndarray, R_WC: np.ndarray, half: np.ndarray, generators: np.ndarray, force_limit: np.ndarray
+    p_WC: np.ndarray, R_WC: np.ndarray, corners: np.ndarray, generators: np.ndarray, force_limit: np.ndarray
 ) -> tuple[np.ndarray, float, float, bool]:
-    """(contacts (n, 15), x and y of their mean, whether there are any and all numbers are finite).
+    """(contacts (n, 13 + 2 V), x and y of their mean, whether there are any and all numbers are finite).
 
     Args:
-        p_WC, R_WC, half, generators, force_limit: as in `static_equilibrium.ContactArrays`.
+        p_WC, R_WC, corners, generators, force_limit: as in `static_equilibrium.ContactArrays`.
     """
     n = p_WC.shape[0]
-    contacts = np.empty((n, PACKED))
+    contacts = np.empty((n, CORNERS + 2 * corners.shape[1]))
     x, y, z, finite = 0.0, 0.0, 0.0, 0.0
     for c in range(n):
         x, y, z = x + p_WC[c, 0] / n, y + p_WC[c, 1] / n, z + p_WC[c, 2] / n
@@ -66,16 +63,28 @@ def pack(
         for k in range(3):
             for q in range(3):
                 contacts[c, 3 + 3 * k + q] = R_WC[c, k, q]
-        contacts[c, HX], contacts[c, HY] = half[c, 0], half[c, 1]
+        for s in range(corners.shape[1]):
+            contacts[c, CORNERS + 2 * s], contacts[c, CORNERS + 2 * s + 1] = corners[c, s, 0], corners[c, s, 1]
         wide = 0.0
         for g in range(generators.shape[1]):
             finite += 0.0 * (generators[c, g, 0] + generators[c, g, 1] + generators[c, g, 2])
             wide = max(wide, generators[c, g, 0] ** 2 + generators[c, g, 1] ** 2)
         contacts[c, WIDE] = wide * (1.0 + 1e-12)
         finite += 0.0 * force_limit[c]
-        for k in range(WIDE):
+        for k in range(contacts.shape[1]):
             finite += 0.0 * contacts[c, k]
     return contacts, x, y, n > 0 and finite == 0.0
+
+
+@njit(cache=True)
+def num_generators(contacts: np.ndarray, generators: np.ndarray) -> int:
+    """How many columns are generators: those of every corner of every contact.
+
+    Args:
+        contacts: (n, 13 + 2 V) from `pack`.
+        generators: (n, G, 3) friction cones in C, rays with fz = 1.
+    """
+    return ((contacts.shape[1] - CORNERS) // 2) * contacts.shape[0] * generators.shape[1]
 
 
 @njit(cache=True)
@@ -85,14 +94,16 @@ def wrench(
     """The six rows of generator j and its contact.
 
     Args:
-        contacts: (n, 15) from `pack`.
+        contacts: (n, 13 + 2 V) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         j: column of a generator.
     """
-    G = generators.shape[1]
-    g, s, c = j % G, (j // G) % 4, j // (4 * G)
+    G, V = generators.shape[1], (contacts.shape[1] - CORNERS) // 2
+    g, corner = j % G, j // G
+    c = corner // V
+    s = CORNERS + 2 * (corner - c * V)
     k, e0, e1, e2 = contacts, generators[c, g, 0], generators[c, g, 1], generators[c, g, 2]
-    sx, sy = k[c, HX] * CORNER_X[s], k[c, HY] * CORNER_Y[s]
+    sx, sy = k[c, s], k[c, s + 1]
     fx = k[c, 3] * e0 + k[c, 4] * e1 + k[c, 5] * e2
     fy = k[c, 6] * e0 + k[c, 7] * e1 + k[c, 8] * e2
     fz = k[c, 9] * e0 + k[c, 10] * e1 + k[c, 11] * e2
@@ -125,19 +136,19 @@ def best_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray, lea
     """The generator or slack with the greatest reduced cost, -1 when none is worth entering.
 
     Args:
-        contacts, generators: (n, 15) as packed and (n, G, 3).
+        contacts, generators: (n, 13 + 2 V) as packed and (n, G, 3).
         y: (6 + n,) on the six rows and on the contacts' force limits.
         least: reduced cost that a column must exceed [m or 1].
     """
-    n, G = generators.shape[0], generators.shape[1]
+    n, G, V = generators.shape[0], generators.shape[1], (contacts.shape[1] - CORNERS) // 2
     best, best_j = least, -1
     for c in range(n):
         f = _field(contacts, c, y)
         limit = y[WRENCH + c]
         if limit > best:
-            best, best_j = limit, 4 * n * G + c
-        for s in range(4):
-            sx, sy = contacts[c, HX] * CORNER_X[s], contacts[c, HY] * CORNER_Y[s]
+            best, best_j = limit, V * n * G + c
+        for s in range(V):
+            sx, sy = contacts[c, CORNERS + 2 * s], contacts[c, CORNERS + 2 * s + 1]
             h0, h1, h2 = f[0] - f[5] * sy, f[1] + f[5] * sx, f[2] + f[3] * sy - f[4] * sx + limit
             short = best - h2
             if short > 0.0 and contacts[c, WIDE] * (h0 * h0 + h1 * h1) < short * short:
@@ -145,7 +156,7 @@ def best_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray, lea
             for g in range(G):
                 r = h0 * generators[c, g, 0] + h1 * generators[c, g, 1] + h2
                 if r > best:
-                    best, best_j = r, (c * 4 + s) * G + g
+                    best, best_j = r, (c * V + s) * G + g
     return best_j
 
 
@@ -159,19 +170,19 @@ def next_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray, z: 
     leads: it leaves a degenerate corner soonest.
 
     Args:
-        contacts, generators: (n, 15) as packed and (n, G, 3).
+        contacts, generators: (n, 13 + 2 V) as packed and (n, G, 3).
         y, z: (6 + n,) multipliers of u and of u turned left.
     """
-    n, G = generators.shape[0], generators.shape[1]
+    n, G, V = generators.shape[0], generators.shape[1], (contacts.shape[1] - CORNERS) // 2
     lead_alpha, lead_beta, lead, tie = 1.0, 0.0, -1, NEAR_TIE
     for c in range(n):
         fa, fb = _field(contacts, c, y), _field(contacts, c, z)
         ya, zb = y[WRENCH + c], z[WRENCH + c]
         if lead_alpha * zb + lead_beta * ya > tie and zb > ENTERS:
-            lead_alpha, lead_beta, lead = max(-ya, 0.0), zb, 4 * n * G + c
+            lead_alpha, lead_beta, lead = max(-ya, 0.0), zb, V * n * G + c
             tie = NEAR_TIE * (lead_alpha + lead_beta)
-        for s in range(4):
-            sx, sy = contacts[c, HX] * CORNER_X[s], contacts[c, HY] * CORNER_Y[s]
+        for s in range(V):
+            sx, sy = contacts[c, CORNERS + 2 * s], contacts[c, CORNERS + 2 * s + 1]
             a0, a1, a2 = fa[0] - fa[5] * sy, fa[1] + fa[5] * sx, fa[2] + fa[3] * sy - fa[4] * sx + ya
             b0, b1, b2 = fb[0] - fb[5] * sy, fb[1] + fb[5] * sx, fb[2] + fb[3] * sy - fb[4] * sx + zb
             d0, d1 = lead_alpha * b0 + lead_beta * a0, lead_alpha * b1 + lead_beta * a1
@@ -186,7 +197,7 @@ def next_column(contacts: np.ndarray, generators: np.ndarray, y: np.ndarray, z: 
                     beta = b0 * e0 + b1 * e1 + b2
                     if beta > ENTERS and (d > tie or beta > lead_beta):
                         lead_alpha, lead_beta = max(-(a0 * e0 + a1 * e1 + a2), 0.0), beta
-                        lead, tie = (c * 4 + s) * G + g, NEAR_TIE * (lead_alpha + lead_beta)
+                        lead, tie = (c * V + s) * G + g, NEAR_TIE * (lead_alpha + lead_beta)
                         d0, d1 = lead_alpha * b0 + lead_beta * a0, lead_alpha * b1 + lead_beta * a1
                         d2 = lead_alpha * b2 + lead_beta * a2
     return lead
@@ -197,14 +208,14 @@ def transform(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, w: np
     """Writes column j in terms of the basis into w; its own costs, as for x and y, are left to `transform_moving`.
 
     Args:
-        contacts: (n, 15) from `pack`.
+        contacts: (n, 13 + 2 V) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         T: (m + 2, m + 1) tableau.
         w: (m + 2,) receives the column.
         j: number of the column.
     """
     n = contacts.shape[0]
-    rows, slack = T.shape[0] - 2 - n, 4 * n * generators.shape[1]
+    rows, slack = T.shape[0] - 2 - n, num_generators(contacts, generators)
     if j >= slack:
         for i in range(T.shape[0]):
             w[i] = T[i, rows + j - slack]
@@ -222,14 +233,14 @@ def transform_moving(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray
     """The same with four rows, for the objectives x and y: w ends with how fast column j moves the centre of mass.
 
     Args:
-        contacts: (n, 15) from `pack`.
+        contacts: (n, 13 + 2 V) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         T: (m + 2, m + 1) tableau.
         w: (m + 2,) receives the column.
         j: number of the column.
     """
     transform(contacts, generators, T, w, j)
-    if j < 4 * contacts.shape[0] * generators.shape[1]:
+    if j < num_generators(contacts, generators):
         moved = wrench(contacts, generators, j)
         w[T.shape[0] - 2] += moved[4]
         w[T.shape[0] - 1] += moved[5]
@@ -291,7 +302,7 @@ def find_feasible(
     and the sum of their weights, kept below the basic rows, is driven to zero.
 
     Args:
-        contacts: (n, 15) from `pack`.
+        contacts: (n, 13 + 2 V) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         force_limit: (n,) greatest normal force of each contact [M g].
         x, y: CoM from the mean of the contacts, in W [m].
@@ -303,7 +314,7 @@ def find_feasible(
         False when no such weights exist.
     """
     m, n = T.shape[0] - 2, contacts.shape[0]
-    rows, slack = m - n, 4 * n * generators.shape[1]
+    rows, slack = m - n, num_generators(contacts, generators)
     for i in range(m):
         T[i, i] = 1.0
         basic[i] = slack + n + i if i < rows else slack + i - rows
@@ -348,7 +359,7 @@ def set_objectives(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, 
     """Fills the objective rows with minus the multipliers of the CoM's x and y; their right-hand side is (-x, -y).
 
     Args:
-        contacts: (n, 15) from `pack`.
+        contacts: (n, 13 + 2 V) from `pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         T: (m + 2, m + 1) tableau; its last two rows are written.
         basic: (m,) number of the basic column of each row.
@@ -357,7 +368,7 @@ def set_objectives(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray, 
     for k in range(m + 1):
         T[m, k], T[m + 1, k] = 0.0, 0.0
     for i in range(m):
-        if basic[i] < 4 * contacts.shape[0] * generators.shape[1]:
+        if basic[i] < num_generators(contacts, generators):
             a = wrench(contacts, generators, basic[i])
             for k in range(m + 1):
                 T[m, k] -= a[4] * T[i, k]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from optimization.balance.patch_simplex import PIVOT, WRENCH, best_column, wrench
+from optimization.balance.patch_simplex import PIVOT, WRENCH, best_column, num_generators, wrench
 
 OPTIMAL = 1e-9  # reduced cost left at an optimum [m]
 BEYOND = 1e-8  # [m] a point that lies less beyond a line is no vertex
@@ -60,7 +60,7 @@ class Basis(NamedTuple):
 def _column(contacts: np.ndarray, generators: np.ndarray, j: int, a: np.ndarray) -> tuple[float, float]:
     """Writes the 4 + n rows of column j (generator, slack or artificial) and returns how it moves the CoM."""
     n = contacts.shape[0]
-    slack = 4 * n * generators.shape[1]
+    slack = num_generators(contacts, generators)
     a[:] = 0.0
     if j < slack:
         a[0], a[1], a[2], a[3], x, y, c = wrench(contacts, generators, j)
@@ -78,7 +78,7 @@ def right_hand_side(contacts: np.ndarray, generators: np.ndarray, T: np.ndarray,
     """(4 + n,) what the basic columns add up to with their weights.
 
     Args:
-        contacts: (n, 15) from `patch_simplex.pack`.
+        contacts: (n, 13 + 2 V) from `patch_simplex.pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         T: (m + 2, m + 1) tableau.
         basic: (m,) number of the basic column of each row.
@@ -246,7 +246,7 @@ def complete(
     """Turns some points of the polygon into all its vertices.
 
     Args:
-        contacts: (n, 15) from `patch_simplex.pack`.
+        contacts: (n, 13 + 2 V) from `patch_simplex.pack`.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         b: (4 + n,) right-hand side.
         basic: (m,) a basis to start from; written.

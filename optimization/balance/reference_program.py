@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.solvers import ClpSolver, MathematicalProgram, SolutionResult
 
-from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_rows, corner_points
+from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_rows
 from optimization.convex.solver import worst_violation
-from scenes.contact import Contact
+from scenes.contact import Contact, support_corners
 from scenes.effector import EFFECTORS
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ ACCEPT = 1e-7  # Clp's own feasibility tolerance [M g, M g m]; an answer that vi
 
 
 class StaticEquilibriumProgram:
-    """Holds a robot at rest by the forces at the corners of its contact patches.
+    """Holds a robot at rest by the forces at the corners of its supports.
 
         max   d . com                                                where the robot can lean (`farthest` only)
         s.t.  sum_ck R_c f_ck = e_z                                  newton
@@ -38,13 +38,13 @@ class StaticEquilibriumProgram:
               cone_rows_c f_ck <= 0                                  friction cone, no pulling
               sum_k e_z . f_ck <= limit_c                            force limit
 
-    Decision variables: f (C, 4, 3), force of contact c at its corner k in the contact frame [M g]; com (2,), the centre
-    of mass seen from above [m], measured from `origin`. s_ck are the corners of the patch. For `second_order` the cone
+    Decision variables: f (C, V, 3), force of contact c at its corner k in the contact frame [M g]; com (2,), the centre
+    of mass seen from above [m], measured from `origin`. s_ck are the V corners of the support. For `second_order` the cone
     is the 16-gon inscribed in the true one.
 
     Attributes:
         prog: the program; constraints may be added to it.
-        f: (C, 4, 3) variables.
+        f: (C, V, 3) variables.
         com: (2,) variables.
         origin: (3,) mean of the contact points in W [m].
     """
@@ -61,21 +61,22 @@ class StaticEquilibriumProgram:
         self.contacts = tuple(contacts)
         self.origin = np.mean([c.p_WC for c in contacts], axis=0)
         self.prog = MathematicalProgram()
-        self.f = np.array([self.prog.NewContinuousVariables(4, 3, f"f_{c.effector}") for c in contacts])
+        self._corners = support_corners(contacts, np.array([e.half_extent for e in robot.effectors]))
+        num_corners = self._corners.shape[1]
+        self.f = np.array([self.prog.NewContinuousVariables(num_corners, 3, f"f_{c.effector}") for c in contacts])
         self.com = self.prog.NewContinuousVariables(2, "com")
-        self._add_newton_euler(robot)
+        self._add_newton_euler()
         self._add_friction_cones(cone)
         self._add_force_limits(robot)
         self._com_bounds = self.prog.AddBoundingBoxConstraint(-np.inf, np.inf, self.com)
         self._com_bounds.evaluator().set_description("com")
         self._lean = self.prog.AddLinearCost(np.zeros(2), 0.0, self.com)
 
-    def _add_newton_euler(self, robot: Robot) -> None:
+    def _add_newton_euler(self) -> None:
         blocks = []
-        for contact in self.contacts:
-            half_extent = robot.effectors[EFFECTORS.index(contact.effector)].half_extent
-            for s_C in corner_points(half_extent):
-                p = contact.p_WC - self.origin + contact.R_WC @ s_C
+        for contact, corners in zip(self.contacts, self._corners, strict=True):
+            for corner in corners:
+                p = contact.p_WC - self.origin + contact.R_WC[:, :2] @ corner
                 moment = np.array([[0, -p[2], p[1]], [p[2], 0, -p[0]], [-p[1], p[0], 0]]) @ contact.R_WC
                 blocks.append(np.vstack([contact.R_WC, moment]))
         com = np.zeros((6, 2))
@@ -90,14 +91,14 @@ class StaticEquilibriumProgram:
     def _add_friction_cones(self, cone: FrictionCone) -> None:
         for contact, f in zip(self.contacts, self.f, strict=True):
             rows = cone_rows(cone, contact.friction)
-            for k in range(4):
+            for k in range(len(f)):
                 binding = self.prog.AddLinearConstraint(rows, np.full(len(rows), -np.inf), np.zeros(len(rows)), f[k])
                 binding.evaluator().set_description(f"friction cone {contact.effector} corner {k}")
 
     def _add_force_limits(self, robot: Robot) -> None:
         for contact, f in zip(self.contacts, self.f, strict=True):
             limit = robot.force_limit[EFFECTORS.index(contact.effector)]
-            binding = self.prog.AddLinearConstraint(np.ones((1, 4)), [-np.inf], [limit], f[:, 2])
+            binding = self.prog.AddLinearConstraint(np.ones((1, len(f))), [-np.inf], [limit], f[:, 2])
             binding.evaluator().set_description(f"force limit {contact.effector}")
 
     def is_balanced(self, com_xy: np.ndarray) -> bool:

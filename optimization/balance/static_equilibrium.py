@@ -1,11 +1,11 @@
 """Static equilibrium: over which points can the centre of mass rest while these contacts hold the robot?
 
-A robot at rest needs contact wrenches that balance its weight. Each contact is a rectangular patch that transmits sums
-of four corner forces inside its friction cone, and may press with a limited normal force; no contact pulls. Contacts
-need not be coplanar, and the height of the centre of mass does not matter. The admissible points form a convex
-polygon in the plane (Bretl & Lall 2008), which is computed exactly: with a feasible basis in hand, the direction
-turns once around and every pivot walks along one edge (the shadow-vertex rule of Gass & Saaty 1955), so a polygon of
-V vertices costs little more than V pivots. `reference_program` states the same problem for Drake.
+A robot at rest needs contact wrenches that balance its weight. Each contact transmits sums of forces at the corners of its
+support (a rectangular patch, or the part of it that rests on something) inside its friction cone, and may press with a
+limited normal force; no contact pulls. Contacts need not be coplanar, and the height of the centre of mass does not
+matter. The admissible points form a convex polygon in the plane (Bretl & Lall 2008), which is computed exactly: with a
+feasible basis in hand, the direction turns once around and every pivot walks along one edge (the shadow-vertex rule of
+Gass & Saaty 1955), so a polygon of V vertices costs little more than V pivots. `reference_program` states the same problem for Drake.
 
 Bretl & Lall 2008: "Testing static equilibrium for legged robots", IEEE T-RO 24(4).
 Caron et al. 2015: "Stability of surface contacts for humanoid robots", ICRA.
@@ -32,6 +32,7 @@ from optimization.balance.patch_simplex import (
     leaving_row,
     multipliers,
     next_column,
+    num_generators,
     pack,
     pivot,
     set_objectives,
@@ -55,14 +56,14 @@ class ContactArrays(NamedTuple):
     Attributes:
         p_WC: (n, 3) patch centres in W [m].
         R_WC: (n, 3, 3) contact frames.
-        half: (n, 2) half extents of the patches [m].
+        corners: (n, V, 2) corners of the supports in C [m]; one of fewer corners repeats its last.
         generators: (n, G, 3) friction cones in C, rays with fz = 1.
         force_limit: (n,) greatest normal force of each contact [M g].
     """
 
     p_WC: np.ndarray
     R_WC: np.ndarray
-    half: np.ndarray
+    corners: np.ndarray
     generators: np.ndarray
     force_limit: np.ndarray
 
@@ -71,7 +72,7 @@ class ContactArrays(NamedTuple):
 def is_balanced(
     p_WC: np.ndarray,
     R_WC: np.ndarray,
-    half: np.ndarray,
+    corners: np.ndarray,
     generators: np.ndarray,
     force_limit: np.ndarray,
     com_xy: np.ndarray,
@@ -81,13 +82,13 @@ def is_balanced(
         exists  w >= 0:   sum_j w_j (f_j, p_j x f_j) = (e_z, com x e_z),    sum_{j in contact c} w_j <= limit_c
 
     Args:
-        p_WC, R_WC, half, generators, force_limit: as in `ContactArrays`; n contacts, any number, C-ordered.
+        p_WC, R_WC, corners, generators, force_limit: as in `ContactArrays`; n contacts, any number, C-ordered.
         com_xy: (2,) [m] in W.
 
     Returns:
         False also when there is no contact or any number is not finite.
     """
-    contacts, x, y, usable = pack(p_WC, R_WC, half, generators, force_limit)
+    contacts, x, y, usable = pack(p_WC, R_WC, corners, generators, force_limit)
     if not usable or not np.isfinite(com_xy[0] + com_xy[1]):
         return False
     T, basic, w = _new_basis(WRENCH + contacts.shape[0])
@@ -103,7 +104,7 @@ def _new_basis(m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def com_polygon(
     p_WC: np.ndarray,
     R_WC: np.ndarray,
-    half: np.ndarray,
+    corners: np.ndarray,
     generators: np.ndarray,
     force_limit: np.ndarray,
     out: np.ndarray,
@@ -111,14 +112,14 @@ def com_polygon(
     """All points over which the centre of mass can rest, as a convex polygon.
 
     Args:
-        p_WC, R_WC, half, generators, force_limit: as in `ContactArrays`; n contacts, any number, C-ordered.
+        p_WC, R_WC, corners, generators, force_limit: as in `ContactArrays`; n contacts, any number, C-ordered.
         out: (V, 2) receives the vertices [m] in W, counter-clockwise. Where the polygon has more than V vertices those
             that matter least are left out, so it comes out smaller, never larger.
 
     Returns:
         Number of vertices: 0 nowhere (also without contacts or where a number is not finite), 1 a point, 2 a segment.
     """
-    contacts, x, y, usable = pack(p_WC, R_WC, half, generators, force_limit)
+    contacts, x, y, usable = pack(p_WC, R_WC, corners, generators, force_limit)
     if not usable or out.shape[0] == 0:
         return 0
     T, basic, w = _new_basis(4 + contacts.shape[0])
@@ -130,14 +131,14 @@ def com_polygon(
     first = basic.copy()
     b = right_hand_side(contacts, generators, T, basic)
     count, proved = _walk_around(contacts, generators, T, basic, w, path)
-    corners = _thin(path, count, out) if proved else 0
-    if not proved or not _is_convex(out, corners):
+    vertices = _thin(path, count, out) if proved else 0
+    if not proved or not _is_convex(out, vertices):
         count = complete(contacts, generators, b, basic, first, path, count)
-        corners = _thin(path, count, out)
-    for i in range(corners):
+        vertices = _thin(path, count, out)
+    for i in range(vertices):
         out[i, 0] += x
         out[i, 1] += y
-    return corners
+    return vertices
 
 
 @njit(cache=True)
@@ -152,7 +153,7 @@ def _drop_artificial(
     m = 4 + n
     y = np.zeros(WRENCH + n)
     for i in range(m):
-        if basic[i] < 4 * n * generators.shape[1] + n:
+        if basic[i] < num_generators(contacts, generators) + n:
             continue
         chosen, size = basic[i], PIVOT
         for sign in (1.0, -1.0):

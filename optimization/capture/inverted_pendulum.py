@@ -17,6 +17,7 @@ from shapely import MultiPoint, Point
 from shapely.geometry.base import BaseGeometry
 
 from optimization.centroidal.options import CentroidalOptions
+from scenes.contact import patch_corners
 from scenes.gravity import GRAVITY
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
@@ -39,7 +40,7 @@ def capture_point(com: np.ndarray, velocity: np.ndarray, ground: float = 0.0) ->
 
 
 def support_polygon(stance: Stance, robot: Robot) -> BaseGeometry:
-    """Convex hull of the feet's patches in x and y [m]; for level ground without palms.
+    """Convex hull of the feet's supports in x and y [m]; for level ground without palms.
 
     Args:
         stance: its feet count.
@@ -48,8 +49,8 @@ def support_polygon(stance: Stance, robot: Robot) -> BaseGeometry:
     corners = []
     for contact, half in zip(stance.contacts[:2], robot.half_extents, strict=False):
         if contact is not None:
-            signs = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
-            corners.append(contact.p_WC[:2] + (signs * half) @ contact.R_WC[:2, :2].T)
+            support = patch_corners(half) if contact.support is None else contact.support
+            corners.append(contact.p_WC[:2] + support @ contact.R_WC[:2, :2].T)
     if not corners:
         raise ValueError("no foot is on the ground")
     return MultiPoint(np.concatenate(corners)).convex_hull

@@ -93,4 +93,5 @@ def _mirrored(contact: Contact | None) -> Contact | None:
     X_WC[:3, :3] = MIRROR @ contact.R_WC @ MIRROR
     X_WC[:3, 3] = MIRROR @ contact.p_WC
     effector = EFFECTORS[OTHER_SIDE[EFFECTORS.index(contact.effector)]]
-    return Contact(effector, contact.surface, X_WC, contact.friction, -contact.heading)
+    support = None if contact.support is None else contact.support[::-1] * [1.0, -1.0]
+    return Contact(effector, contact.surface, X_WC, contact.friction, -contact.heading, support)

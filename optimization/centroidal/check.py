@@ -9,17 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from optimization.balance.contact_wrench import SMALLEST
 from optimization.balance.friction import contains
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
-from optimization.centroidal.trajectory import CentroidalTrajectory
+from optimization.centroidal.trajectory import LEAST_LOAD, CentroidalTrajectory
 from scenes.effector import EFFECTORS
 from scenes.gravity import GRAVITY
 
 RESIDUAL = 1e-8  # [M g, M g m]: Newton and Euler hold by construction, to rounding
 FORCE = 1e-6  # [M g] that a force may stick out of its cone or exceed its limit
 LENGTH = 1e-4  # [m] of bounds on the CoM and of reach
-PATCH = 1e-6  # [m] that a centre of pressure may lie outside its patch
+PATCH = 1e-6  # [m] that a centre of pressure may lie outside its support
 MOMENTUM = 1e-5  # [M g s, M g m s] left at rest
 RELATIVE = 1e-3  # of the limits on angular momentum and its rate
 
@@ -136,7 +137,7 @@ def _contacts(
     held = t.contact >= 0
     force_C = np.einsum("neba,neb->nea", R_WC, t.force_W)
     inside = contains(options.cone, friction, force_C, FORCE * weight)
-    outside = np.abs(t.cop_C) - problem.half_extent
+    outside = np.where(force_C[..., 2] > LEAST_LOAD * weight, _off_support(problem, t), 0.0)
     free = np.where(held, 0.0, np.abs(t.force_W).max(axis=2) + np.abs(t.torque_n))
     overload = force_C[..., 2] - np.asarray(options.force_limit) * weight
     reach = np.asarray(options.com_reach)
@@ -146,10 +147,26 @@ def _contacts(
     return [
         _Table("force without contact", free, FORCE * weight, "N"),
         _Table("friction cone", np.where(held & ~inside, np.inf, 0.0), FORCE * weight, "N"),
-        _Table("pressure centre", np.where(held, outside.max(axis=2), 0.0), PATCH, "m"),
+        _Table("pressure centre", np.where(held, outside, 0.0), PATCH, "m"),
         _Table("force limit", np.where(held, overload, 0.0), FORCE * weight, "N"),
         _Table("reach", far, LENGTH, "m", first=1),
     ]
+
+
+def _off_support(problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> np.ndarray:
+    """(N, E) how far centres of pressure lie beyond their supports [m], negative inside: beyond an edge, or the box around it."""
+    supports = problem.supports
+    if not len(supports):
+        return np.full(trajectory.contact.shape, -np.inf)
+    edge = np.roll(supports, -1, axis=1) - supports
+    length = np.linalg.norm(edge, axis=2)
+    normal = np.stack([edge[..., 1], -edge[..., 0]], axis=2) / np.maximum(length, SMALLEST)[..., None]
+    level = np.where(length > SMALLEST, (normal * supports).sum(axis=2), np.inf)  # no edge where a corner repeats
+    at = np.maximum(trajectory.contact, 0)
+    beyond_edge = (np.einsum("neva,nea->nev", normal[at], trajectory.cop_C) - level[at]).max(axis=2)
+    low, high = supports.min(axis=1)[at], supports.max(axis=1)[at]  # all that bounds a support of no area
+    beyond_box = np.maximum(low - trajectory.cop_C, trajectory.cop_C - high).max(axis=2)
+    return np.maximum(beyond_edge, beyond_box)
 
 
 def _bounds(

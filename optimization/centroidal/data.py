@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optimization.balance.contact_wrench import CornerForces
+from optimization.balance.contact_wrench import SMALLEST, CornerForces
 from optimization.centroidal.cost import cost_terms
 from optimization.centroidal.options import ARM, CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
@@ -27,7 +27,7 @@ class CentroidalData:
         dt: (N-1,) lengths of the intervals [s].
         interval, effector: (J,) of each active contact.
         p_WC, R_WC: (J, 3) points [m] and (J, 3, 3) orientations of the active contacts in W.
-        half: (J, 2) half extents of their patches [m].
+        half, middle: (J, 2) half extents and centres of the boxes around their supports, in C [m].
         corners: their corner forces and cones [M g].
         integrator: gives the motion under contact wrenches.
         origin: (3,) initial CoM in W, that the variable com is relative to [m].
@@ -48,6 +48,7 @@ class CentroidalData:
     p_WC: np.ndarray
     R_WC: np.ndarray
     half: np.ndarray
+    middle: np.ndarray
     corners: CornerForces
     integrator: WrenchIntegrator
     origin: np.ndarray
@@ -72,11 +73,14 @@ class CentroidalData:
         v0, k0 = problem.initial_linear_momentum / problem.mass, problem.initial_angular_momentum / unit
         integrator = WrenchIntegrator(schedule, np.stack([problem.initial_com, v0, k0 * ARM]))
         interval, effector = integrator.interval, integrator.effector
-        half = problem.half_extent[effector]
         _, _, friction = schedule.poses()
         held = schedule.active[interval, effector]
-        index, num_vars = variable_places(len(schedule.dt), len(interval))
+        supports = problem.supports[held]
+        low, high = supports.min(axis=1), supports.max(axis=1)
+        half, middle = 0.5 * (high - low), 0.5 * (high + low)
+        index, num_vars = variable_places(len(schedule.dt), len(interval), supports.shape[1])
         diagonal, target = cost_terms(problem, options.weights, index, interval, num_vars)
+        target[index["z"][:, :2]] = middle / (2 * np.maximum(half, SMALLEST))
         return cls(
             problem=problem,
             options=options,
@@ -86,7 +90,8 @@ class CentroidalData:
             p_WC=integrator.p_WC,
             R_WC=integrator.R_WC,
             half=half,
-            corners=CornerForces(options.cone, friction[held], half, ARM),
+            middle=middle,
+            corners=CornerForces(options.cone, friction[held], supports, ARM),
             integrator=integrator,
             origin=np.array(problem.initial_com),
             v0=v0,
@@ -103,17 +108,18 @@ class CentroidalData:
         )
 
 
-def variable_places(num_intervals: int, num_contacts: int) -> tuple[dict[str, np.ndarray], int]:
+def variable_places(num_intervals: int, num_contacts: int, num_corners: int) -> tuple[dict[str, np.ndarray], int]:
     """Places of each variable of the program, by its name, and how many there are.
 
     Args:
         num_intervals: N - 1.
         num_contacts: J, active contacts over all intervals.
+        num_corners: V, of each support.
     """
     N, J = num_intervals, num_contacts
     state = [(name, N, 3) for name in ("com", "v", "k", "a", "kdot")]
     slack = [("s", N, 1), ("s_end", 1, 1)]
-    contact = [("wrench", J, 6), ("z", J, 3), ("force", J, 12)]
+    contact = [("wrench", J, 6), ("z", J, 3), ("force", J, 3 * num_corners)]
     index, count = {}, 0
     for name, rows, columns in state + slack + contact:
         index[name] = count + np.arange(rows * columns).reshape(rows, columns)

@@ -57,7 +57,7 @@ def shortfalls(prog: MathematicalProgram, data: CentroidalData) -> list[Shortfal
     """
     intervals, contacts = np.arange(len(data.dt)), np.arange(len(data.interval))
     cones = sum(b.evaluator().get_description() == "friction cone" for b in prog.lorentz_cone_constraints())
-    cones = cones or 4 * len(contacts) * data.corners.rows.shape[1]
+    cones = cones or data.corners.count * len(contacts) * data.corners.rows.shape[1]
     groups = (np.repeat(contacts, cones // max(len(contacts), 1)), contacts, intervals, np.repeat(intervals, 3))
     groups = (*groups, np.zeros(3, int), np.zeros(data.index["v"][-2:].size, int))
     may_give = {name: Relaxable(group, price) for group, (name, (_, price)) in zip(groups, BLOCKS.items(), strict=True)}

@@ -18,7 +18,7 @@ class CentroidalPoint:
     """A trajectory given by its forces, with its true merit (see `sequential_convex.Point`).
 
     Attributes:
-        forces: (J, 4, 3) admissible corner forces [M g] in the contact frames.
+        forces: (J, V, 3) admissible corner forces [M g] in the contact frames.
         wrench: (J, 6) contact wrenches in their frames [M g, M g ARM].
         state: the trajectory that they bring about.
         effort: scaled cost without the pull towards a CoM reference.
@@ -54,7 +54,7 @@ class CentroidalModel:
 
     def evaluate(self, x: np.ndarray) -> CentroidalPoint:
         """The exact trajectory of the corner forces in x, cut back to their cones: every wrench is admissible."""
-        forces = x[self._data.index["force"]].reshape(-1, 4, 3)
+        forces = x[self._data.index["force"]].reshape(-1, self._data.corners.count, 3)
         return self._point(self._data.corners.project(forces))
 
     def between(self, start: CentroidalPoint, end: CentroidalPoint, step: float) -> CentroidalPoint:

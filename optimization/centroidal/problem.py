@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from optimization.centroidal.contact_schedule import ContactSchedule
+from scenes.contact import support_corners
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 
@@ -19,7 +20,8 @@ class CentroidalProblem:
     Attributes:
         schedule: contacts and knots (N).
         mass: M [kg].
-        half_extent: (E, 2) half length (x) and half width (y) of each sole or palm patch [m].
+        half_extent: (E, 2) half length (x) and half width (y) of each sole or palm patch [m]; what of it touches, the
+            contacts say.
         initial_com: (3,) CoM at knot 0 [m].
         initial_linear_momentum: (3,) [kg m/s].
         initial_angular_momentum: (3,) about the CoM [N m s].
@@ -61,6 +63,11 @@ class CentroidalProblem:
                     f">= 0, got {contact.friction}"
                 )
 
+    @property
+    def supports(self) -> np.ndarray:
+        """(C, V, 2) corners of the supports of the schedule's contacts in their frames [m], the last one repeated."""
+        return support_corners(self.schedule.contacts, self.half_extent)
+
     def _array(self, name: str, shape: tuple[int, ...], infinite: bool = False) -> None:
         value = getattr(self, name)
         if value is None:
@@ -77,9 +84,10 @@ class CentroidalProblem:
 def structure(problem: CentroidalProblem) -> Hashable:
     """What must be equal for a program to take another problem's numbers without being rebuilt.
 
-    Which contacts are active when, and what is tracked and bounded. Poses, friction, patches, mass, times and momenta
-    are free.
+    Which contacts are active when, how many corners their supports have, and what is tracked and bounded. Poses, friction,
+    patches, mass, times and momenta are free.
     """
     schedule = problem.schedule
     tracked = (problem.com_reference, problem.com_box, problem.angular_momentum_reference)
-    return (len(schedule.contacts), schedule.active.shape, schedule.active.tobytes(), *(t is None for t in tracked))
+    contacts = (len(schedule.contacts), problem.supports.shape[1])
+    return (*contacts, schedule.active.shape, schedule.active.tobytes(), *(t is None for t in tracked))

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.solvers import MathematicalProgram
 
+from optimization.balance.contact_wrench import cross
 from optimization.centroidal.check import violations
 from optimization.centroidal.com_bounds import final_box, height_bounds
 from optimization.centroidal.data import CentroidalData
@@ -56,7 +57,7 @@ class CentroidalProgram:
               com[n+1] = com[n] + dt v[n+1]                                com integration
               k[n+1] = k[n] + dt kdot[n]                                   angular momentum integration
               a + e_z = sum R f                                            total force
-              (f, m) = sum of four corner forces inside the cone           contact wrench, friction cone
+              (f, m) = sum of corner forces inside the cone                contact wrench, friction cone
               kdot = sum (p - com) x R f + R m                             angular momentum rate (bilinear in com, f)
               z = (cop / lengths, tau)                                     pressure centre (nonlinear in f, m)
               |k_i|, |kdot_i| <= limit + s                                 k limit, kdot limit
@@ -70,7 +71,8 @@ class CentroidalProgram:
 
     Units in the program: m, s, M g; moments M g ARM. Points are relative to `origin`.
     Decision variables, for n = 0..N-2 (state at knot n+1, forces over [t_n, t_n+1)) and J active contacts:
-        com, v, k, a, kdot (N-1, 3), s (N-1, 1), s_end (1, 1), wrench (J, 6), z (J, 3), force (J, 12) at the corners.
+        com, v, k, a, kdot (N-1, 3), s (N-1, 1), s_end (1, 1), wrench (J, 6), z (J, 3), force (J, 3 V) at the
+        V corners of the supports.
     A cost added to `prog` from outside steers the convex programs, but the line search does not know of it.
     """
 
@@ -139,6 +141,8 @@ class CentroidalProgram:
         com = guess_com(problem, self.options)
         wrench = np.zeros((len(data.interval), 6))
         wrench[:, :3] = guess_forces(problem, com, data.interval, data.effector)
+        middle = np.concatenate([data.middle, np.zeros((len(wrench), 1))], axis=1)
+        wrench[:, 3:] = cross(middle, wrench[:, :3]) / ARM
         self._about = com, guess_total_force(problem, com), wrench
 
     def _add_variables(self) -> None:
@@ -199,9 +203,10 @@ class CentroidalProgram:
             self._add_rows("friction cone", lambda: friction_rows(force, self.data.corners.rows))
 
     def _cone_matrices(self) -> np.ndarray:
-        """(4 J, 3, 3) matrices whose product with a corner force is (mu f_z, f_x, f_y)."""
-        matrices = np.zeros((4 * len(self.data.interval), 3, 3))
-        matrices[:, 0, 2] = np.repeat(self.data.corners.friction, 4)
+        """(V J, 3, 3) matrices whose product with a corner force is (mu f_z, f_x, f_y)."""
+        corners = self.data.corners.count
+        matrices = np.zeros((corners * len(self.data.interval), 3, 3))
+        matrices[:, 0, 2] = np.repeat(self.data.corners.friction, corners)
         matrices[:, 1, 0] = matrices[:, 2, 1] = 1.0
         return matrices
 

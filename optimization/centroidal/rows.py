@@ -1,7 +1,7 @@
 """The rows of a centroidal program: coefficients and right sides, in the units of `optimization.centroidal.program`.
 
 Every function gives the same places for the same contacts active at the same times, whatever the numbers are. Indices
-are places of variables: of a state (N-1, 3), of wrenches (J, 6), of their residuals z (J, 3), of corner forces (J, 12).
+are places of variables: of a state (N-1, 3), of wrenches (J, 6), of their residuals z (J, 3), of corner forces (J, 3 V).
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def contact_wrench_rows(wrench: np.ndarray, force: np.ndarray, corner_map: np.nd
 
     Args:
         wrench: (J, 6) places of the contact wrenches.
-        force: (J, 12) places of their corner forces.
-        corner_map: (J, 6, 12) from corner forces to wrench.
+        force: (J, 3 V) places of their corner forces.
+        corner_map: (J, 6, 3 V) from corner forces to wrench.
     """
     rows = SparseRows()
     row = np.arange(wrench.size).reshape(-1, 6)
@@ -67,13 +67,14 @@ def friction_rows(force: np.ndarray, faces: np.ndarray) -> Rows:
     """faces (J, R, 3) @ f <= 0 for each corner force f.
 
     Args:
-        force: (J, 12) places of the corner forces.
+        force: (J, 3 V) places of the corner forces.
         faces: (J, R, 3) outward normals of the cones' faces, in C.
     """
     rows = SparseRows()
-    count = 4 * len(faces) * faces.shape[1]
-    row = np.arange(count).reshape(len(faces), 4, faces.shape[1])
-    rows.add_blocks(row, force.reshape(-1, 4, 3), faces[:, None])
+    corners = force.shape[1] // 3
+    count = corners * len(faces) * faces.shape[1]
+    row = np.arange(count).reshape(len(faces), corners, faces.shape[1])
+    rows.add_blocks(row, force.reshape(-1, corners, 3), faces[:, None])
     return rows, np.full(count, -np.inf), np.zeros(count)
 
 
@@ -112,7 +113,7 @@ def pressure_rows(z_index: np.ndarray, wrench_index: np.ndarray, wrench: np.ndar
         z_index: (J, 3) places of z.
         wrench_index: (J, 6) places of the wrenches.
         wrench: (J, 6) wrenches to linearise about, in C [M g, M g ARM].
-        half: (J, 2) half extents of the patches [m].
+        half: (J, 2) half extents of the supports [m].
     """
     z, jacobian = pressure_residuals(wrench, half, ARM, LEAST_PRESSURE_LOAD)
     rows = SparseRows()

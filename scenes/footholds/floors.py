@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenes.effector import EFFECTORS
+from scenes.footholds.partial_support import rest_down
 from scenes.footholds.projection import FOOT_CLEARANCE, box_is_free, set_down
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
@@ -41,8 +42,10 @@ class Floor:
         return max(self.low, z - Z_WINDOW), min(self.high, z + Z_WINDOW)
 
 
-def floors_at(packed: PackedTerrain, robot: Robot, x: float, y: float, yaw: float) -> tuple[Floor, ...]:
-    """The floors that take a whole sole at a point, lowest first.
+def floors_at(
+    packed: PackedTerrain, robot: Robot, x: float, y: float, yaw: float, full_soles: bool = True
+) -> tuple[Floor, ...]:
+    """The floors that take a sole at a point, lowest first.
 
     Surfaces less than the torso's height apart are one floor, at the height of the highest: nobody stands between them.
 
@@ -52,6 +55,7 @@ def floors_at(packed: PackedTerrain, robot: Robot, x: float, y: float, yaw: floa
         x: of the point in W [m].
         y: of the point in W [m].
         yaw: heading of the sole in W [rad].
+        full_soles: whether all of the sole has to rest on them.
     """
     tops: list[float] = []
     bottoms: list[float] = []
@@ -59,7 +63,10 @@ def floors_at(packed: PackedTerrain, robot: Robot, x: float, y: float, yaw: floa
     below = np.inf
     spec = robot.effectors[0]
     while True:
-        foot = set_down(packed, EFFECTORS[0], x, y, yaw, spec.half_extent, (-np.inf, below), overhang=spec.overhang)
+        if full_soles:
+            foot = set_down(packed, EFFECTORS[0], x, y, yaw, spec.half_extent, (-np.inf, below), overhang=spec.overhang)
+        else:
+            foot = rest_down(packed, spec, (x, y, yaw), (-np.inf, below))
         if foot is None:
             break
         z = float(foot.p_WC[2])
@@ -96,7 +103,12 @@ def has_head_room(packed: PackedTerrain, robot: Robot, x: float, y: float, z: fl
 
 
 def floors_around(
-    packed: PackedTerrain, robot: Robot, points: Iterable[tuple[float, float]], yaw: float, z: float
+    packed: PackedTerrain,
+    robot: Robot,
+    points: Iterable[tuple[float, float]],
+    yaw: float,
+    z: float,
+    full_soles: bool = True,
 ) -> tuple[Floor, ...]:
     """The floors at the first of some points that has one with head room, within `Z_WINDOW` of z where that is a number.
 
@@ -108,10 +120,29 @@ def floors_around(
         points: (x, y) in W [m], the one that is meant first.
         yaw: heading of the sole in W [rad].
         z: height that is meant in W [m], NaN for any.
+        full_soles: whether all of a sole has to rest on them; else that is tried first.
     """
+    if not full_soles:
+        points = list(points)
+        whole = _floors_around(packed, robot, points, yaw, z, full_soles=True)
+        if in_window(whole, z):
+            return whole
+        part = _floors_around(packed, robot, points, yaw, z, full_soles=False)
+        return part if in_window(part, z) else whole or part
+    return _floors_around(packed, robot, points, yaw, z, full_soles=True)
+
+
+def _floors_around(
+    packed: PackedTerrain,
+    robot: Robot,
+    points: Iterable[tuple[float, float]],
+    yaw: float,
+    z: float,
+    full_soles: bool,
+) -> tuple[Floor, ...]:
     without: tuple[Floor, ...] = ()
     for x, y in points:
-        found = floors_at(packed, robot, x, y, yaw)
+        found = floors_at(packed, robot, x, y, yaw, full_soles)
         if any(f.head_room for f in in_window(found, z)):
             return found
         if in_window(found, z) and not in_window(without, z):

@@ -21,7 +21,9 @@ HEADINGS = 16  # of the pattern, over half a turn: a sole is the same backwards
 WIDEST = 1.0  # [m] larger goals are not looked at
 
 
-def nobody_fits(terrain: Terrain, packed: PackedTerrain, robot: Robot, goal: Goal, apart: float) -> str:
+def nobody_fits(
+    terrain: Terrain, packed: PackedTerrain, robot: Robot, goal: Goal, apart: float, full_soles: bool = True
+) -> str:
     """Why no two soles fit with their mean at the goal, "" where that is not proved.
 
     Args:
@@ -30,15 +32,21 @@ def nobody_fits(terrain: Terrain, packed: PackedTerrain, robot: Robot, goal: Goa
         robot: whose soles.
         goal: region and floor.
         apart: greatest distance of the feet in the plan view [m].
+        full_soles: whether all of each sole has to rest on something; else ground under some point of it is enough.
     """
     x, y, z = goal.xyz
     window = (z - GOAL_HEIGHT - robot.max_step_height, z + GOAL_HEIGHT + robot.max_step_height)
     if goal.radius > WIDEST or not np.isfinite(z):
         return ""
-    if any(feet_down(packed, robot, (x, y, yaw), window) for yaw in (goal.yaw or 0.0) + np.pi / 4 * np.arange(4)):
+    if any(
+        feet_down(packed, robot, (x, y, yaw), window, full_soles)
+        for yaw in (goal.yaw or 0.0) + np.pi / 4 * np.arange(4)
+    ):
         return ""
     shift = SPACING / np.sqrt(2.0)
-    left, right = (_places(packed, robot, e, (x, y), goal.radius + 0.5 * apart, window, shift) for e in (0, 1))
+    if not full_soles:  # the ground may be anywhere under the sole
+        shift += float(np.hypot(*robot.effectors[0].half_extent))
+    left, right = (_places(packed, robot, e, (x, y), goal.radius + 0.5 * apart + shift, window, shift) for e in (0, 1))
     for p in left:
         near = right[np.hypot(*(right - p).T) <= apart + 2 * shift]
         if len(near) and (np.hypot(*(0.5 * (near + p) - (x, y)).T) <= goal.radius + shift).any():

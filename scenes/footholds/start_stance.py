@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.footholds.floors import Floor, by_preference, choice_note, floors_around, has_head_room, no_floor_near
+from scenes.footholds.partial_support import rest_down, rests_whole
 from scenes.footholds.projection import FOOT_CLEARANCE, set_down
 from scenes.footholds.what_stands import patch_off_surface, what_stands
 from scenes.input_error import InputError
-from scenes.robots.robot import Robot
+from scenes.robots.robot import EffectorSpec, Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -30,8 +32,14 @@ NUDGES = (
 STANCE_OFF = 1e-3  # [m] how far a patch of a given stance may reach beyond its surface, as the verifier has it
 
 
-def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
+def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot, full_soles: bool = False) -> Stance:
     """The stance a scene's start describes: as given, or the feet set down around its point.
+
+    Args:
+        scene: with a start.
+        packed: its terrain.
+        robot: who starts there.
+        full_soles: whether all of each sole has to rest on the ground; else that is tried first.
 
     Raises:
         InputError: no start, or no ground that takes both soles there.
@@ -47,13 +55,13 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
         check_given_stance(scene, packed, robot, stance)
         return stance
     x, y, z = start.xyz
-    floors = start_floors(scene, packed, robot)
+    floors = start_floors(scene, packed, robot, full_soles)
     wanted = by_preference(floors, z, np.nan)
     if floors and not wanted:
         raise no_floor_near(f"scene {scene.name}: start", floors, z)
     cramped: Stance | None = None
     for floor in wanted:
-        stance = feet_down(packed, robot, (x, y, start.yaw), floor.window(z))
+        stance = feet_down(packed, robot, (x, y, start.yaw), floor.window(z), full_soles)
         if stance is not None:
             if has_head_room(packed, robot, *stance.feet_mean()):
                 return stance
@@ -67,7 +75,11 @@ def start_stance(scene: Scene, packed: PackedTerrain, robot: Robot) -> Stance:
 
 
 def feet_down(
-    packed: PackedTerrain, robot: Robot, place: tuple[float, float, float], z_range: tuple[float, float]
+    packed: PackedTerrain,
+    robot: Robot,
+    place: tuple[float, float, float],
+    z_range: tuple[float, float],
+    full_soles: bool = False,
 ) -> Stance | None:
     """Both feet around a place on ground in a range of heights; None where the soles do not fit.
 
@@ -76,7 +88,22 @@ def feet_down(
         robot: whose feet.
         place: mean of the feet x, y [m] and heading [rad] in W.
         z_range: least and greatest height of the footholds in W [m].
+        full_soles: whether all of each sole has to rest on the ground; else that is tried first.
     """
+
+    def whole(spec: EffectorSpec, x: float, y: float) -> Contact | None:
+        return set_down(packed, spec.name, x, y, place[2], spec.half_extent, z_range, overhang=spec.overhang)
+
+    stance = _feet_at(robot, place, whole)
+    if stance is not None or full_soles:
+        return stance
+    return _feet_at(robot, place, lambda spec, x, y: rest_down(packed, spec, (x, y, place[2]), z_range))
+
+
+def _feet_at(
+    robot: Robot, place: tuple[float, float, float], put: Callable[[EffectorSpec, float, float], Contact | None]
+) -> Stance | None:
+    """The first feet around a place, of all nudges, that can be put down within a step's height of each other."""
     x, y, yaw = place
     half_width = 0.5 * robot.foot_separation[1]
     c, s = np.cos(yaw), np.sin(yaw)
@@ -86,8 +113,7 @@ def feet_down(
             for sideways in NUDGES:
                 across = side * max(half_width + side * sideways, 0.5 * robot.foot_separation[0])
                 px, py = x + c * forward - s * across, y + s * forward + c * across
-                spec = robot.effectors[k]
-                foot = set_down(packed, EFFECTORS[k], px, py, yaw, spec.half_extent, z_range, overhang=spec.overhang)
+                foot = put(robot.effectors[k], px, py)
                 if foot is not None:
                     feet.append(foot)
                     break
@@ -120,7 +146,7 @@ def check_given_stance(scene: Scene, packed: PackedTerrain, robot: Robot, stance
         where = f"scene {scene.name}: start.stance.{contact.effector}"
         patch = robot.effectors[EFFECTORS.index(contact.effector)].half_extent
         off = patch_off_surface(scene.terrain, contact, patch)
-        if off > STANCE_OFF:
+        if off > STANCE_OFF and not rests_whole(packed, contact, patch):
             name = scene.terrain.surfaces[contact.surface].name
             raise InputError(f"{where}: expected a patch on {name!r}, this one reaches {off:.3f} m beyond it")
         inside = solid_at(scene.terrain, packed, *(contact.p_WC + 0.5 * FOOT_CLEARANCE * contact.R_WC[:, 2]))
@@ -129,13 +155,14 @@ def check_given_stance(scene: Scene, packed: PackedTerrain, robot: Robot, stance
     _refuse_inside(scene, packed, robot, stance)
 
 
-def start_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Floor, ...]:
+def start_floors(scene: Scene, packed: PackedTerrain, robot: Robot, full_soles: bool = False) -> tuple[Floor, ...]:
     """The floors at a scene's start, lowest first: between the feet, or under them where there is nothing in between.
 
     Args:
         scene: with a start.
         packed: its terrain.
         robot: who starts there.
+        full_soles: whether all of a sole has to rest on them; else that is tried first.
     """
     start = scene.start
     if start is None or start.stance:
@@ -146,10 +173,12 @@ def start_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Flo
     across = [0.0, half_width, -half_width]
     across += [side * half_width + shift for side in (1.0, -1.0) for shift in NUDGES[1:]]
     points = ((x + c * f - s * a, y + s * f + c * a) for f in NUDGES for a in across)
-    return floors_around(packed, robot, points, start.yaw, z)
+    return floors_around(packed, robot, points, start.yaw, z, full_soles)
 
 
-def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float = np.nan) -> Goal:
+def check_goal(
+    scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float = np.nan, full_soles: bool = False
+) -> Goal:
     """The scene's goal at the height of its floor, once some sole is known to fit near it.
 
     The floor is the one nearest to the goal's z, within `Z_WINDOW`; without a z, the one nearest to the start's height.
@@ -159,6 +188,7 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float
         packed: its terrain.
         robot: who goes there.
         start_z: height of the start in W [m], NaN where it is not known: then the lowest floor is taken.
+        full_soles: whether all of a sole has to rest on it; else that is tried first.
 
     Raises:
         InputError: no goal, no ground for a foot within the goal region, or no floor near the goal's z.
@@ -166,7 +196,7 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float
     goal = scene.goal
     if goal is None:
         raise _missing(scene, "goal")
-    floors = goal_floors(scene, packed, robot)
+    floors = goal_floors(scene, packed, robot, full_soles)
     wanted = by_preference(floors, goal.xyz[2], start_z)
     if wanted:
         return dataclasses.replace(goal, xyz=(*goal.xyz[:2], wanted[0].z))
@@ -182,13 +212,14 @@ def check_goal(scene: Scene, packed: PackedTerrain, robot: Robot, start_z: float
     )
 
 
-def goal_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Floor, ...]:
+def goal_floors(scene: Scene, packed: PackedTerrain, robot: Robot, full_soles: bool = False) -> tuple[Floor, ...]:
     """The floors in a scene's goal region, as near to its middle as there are any, lowest first.
 
     Args:
         scene: with a goal.
         packed: its terrain.
         robot: who goes there.
+        full_soles: whether all of a sole has to rest on them; else that is tried first.
     """
     goal = scene.goal
     if goal is None:
@@ -196,7 +227,7 @@ def goal_floors(scene: Scene, packed: PackedTerrain, robot: Robot) -> tuple[Floo
     found: tuple[Floor, ...] = ()
     for turn in (0.0, 0.5 * np.pi):
         points = _rings(goal.xyz[0], goal.xyz[1], _goal_reach(goal, robot))
-        floors = floors_around(packed, robot, points, (goal.yaw or 0.0) + turn, goal.xyz[2])
+        floors = floors_around(packed, robot, points, (goal.yaw or 0.0) + turn, goal.xyz[2], full_soles)
         if any(f.head_room for f in by_preference(floors, goal.xyz[2], np.nan)):
             return floors
         found = found or floors
@@ -215,7 +246,9 @@ def _rings(x: float, y: float, reach: float) -> Iterator[tuple[float, float]]:
             yield x + radius * np.cos(angle), y + radius * np.sin(angle)
 
 
-def floor_notes(scene: Scene, packed: PackedTerrain, robot: Robot, start: Stance, goal: Goal) -> list[str]:
+def floor_notes(
+    scene: Scene, packed: PackedTerrain, robot: Robot, start: Stance, goal: Goal, full_soles: bool = False
+) -> list[str]:
     """A line for each of start and goal that gives no height where there are several floors.
 
     Args:
@@ -224,12 +257,13 @@ def floor_notes(scene: Scene, packed: PackedTerrain, robot: Robot, start: Stance
         robot: who crosses it.
         start: the stance that was taken.
         goal: with the height that was taken.
+        full_soles: whether all of a sole has to rest on the floors.
     """
     notes = []
     if scene.start is not None and not np.isfinite(scene.start.xyz[2]):
-        notes.append(choice_note("start", start_floors(scene, packed, robot), float(start.feet_mean()[2])))
+        notes.append(choice_note("start", start_floors(scene, packed, robot, full_soles), float(start.feet_mean()[2])))
     if scene.goal is not None and not np.isfinite(scene.goal.xyz[2]):
-        notes.append(choice_note("goal", goal_floors(scene, packed, robot), goal.xyz[2]))
+        notes.append(choice_note("goal", goal_floors(scene, packed, robot, full_soles), goal.xyz[2]))
     return [note for note in notes if note]
 
 

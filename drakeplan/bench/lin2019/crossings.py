@@ -66,7 +66,7 @@ def table(robot: Robot, ik: WholeBodyIK, kept: KeptCases, tell: Callable[[str], 
 
 
 def _cross(robot: Robot, ik: WholeBodyIK, scene: str, cone: FrictionCone, planner: str) -> Case:
-    context = QueryContext(load_scene(scene, seed=0), robot, ik, cone)
+    context = QueryContext(load_scene(scene, seed=0), robot, ik, cone, full_soles=True)
     trials = run_query(context, *planner_options(planner, 0, robot), seconds=SECONDS, deadline=DEADLINE)
     found = trials.within(np.inf)
     return {"outcome": asdict(found), "program_s": trials.last_program_s, "why": trials.why}

@@ -129,7 +129,7 @@ def whole_plans(
 
 def _first(robot: Robot, ik: WholeBodyIK, name: str, seed: int) -> Case:
     scene = load_scene(SCENE, seed=seed)
-    context = QueryContext(scene, robot, ik)
+    context = QueryContext(scene, robot, ik, full_soles=True)
     options = PlannerOptions(seed=seed, model=transition_model(scene.transition_model or "experiments"))
     planner = ProgramPlanner(context, name, options)
     plans = list(planner.plans(Limits(deadline=DEADLINE, improve=0.0)))

@@ -158,7 +158,7 @@ def outcome(facts: Any) -> QueryOutcome:
 def _run(
     robot: Robot, ik: WholeBodyIK, scene: str, chosen: tuple[PlannerOptions, SearchSettings], seconds: float
 ) -> Case:
-    context = QueryContext(load_scene(scene, seed=chosen[0].seed), robot, ik)
+    context = QueryContext(load_scene(scene, seed=chosen[0].seed), robot, ik, full_soles=True)
     trials = run_query(context, *chosen, seconds=seconds, deadline=DEADLINE)
     first = trials.plans[0].elapsed if trials.plans else 0.0
     times = [s for s in (SHORT, LONG) if s <= seconds]
@@ -191,5 +191,5 @@ def _load_kernels(robot: Robot, ik: WholeBodyIK) -> None:
     warm_up(robot, ik)
     scene = load_scene("rubble_corridor", seed=0)
     for planner in PLANNERS:
-        context = QueryContext(scene, robot, ik)
+        context = QueryContext(scene, robot, ik, full_soles=True)
         run_query(context, *planner_options(planner, 0, robot), seconds=0.0, deadline=0.3).within(np.inf)

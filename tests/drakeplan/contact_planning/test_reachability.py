@@ -52,6 +52,19 @@ def test_a_ledge_is_a_proof_only_if_it_is_higher_than_a_step(rise: float) -> Non
         assert f"it is 0.00 m across and {abs(rise):.2f} m up or down" in why
 
 
+def test_stones_that_take_no_whole_sole_join_nothing_where_soles_have_to_be_whole() -> None:
+    half = ROBOT.effectors[0].half_extent
+    for more, joined in ((-1e-3, False), (1e-3, True)):
+        stone = slab("stone", (1.5 - half[0] - more, 1.5 + half[0] + more), 0.0, (-half[1] - more, half[1] + more))
+        terrain = Terrain((slab("near", (-1, 1.1)), stone, slab("far", (1.9, 4))))
+        scene, packed = Scene("s", terrain, Start((0.0, 0.0, 0.0)), Goal((3.0, 0.0, 0.0))), pack_terrain(terrain)
+        start, goal = start_stance(scene, packed, ROBOT), check_goal(scene, packed, ROBOT, 0.0)
+        whole = unreachable(terrain, ROBOT, MODEL, start, goal, full_soles=True, packed=packed)
+        assert (not whole) == joined
+        assert joined or "'stone' takes no whole sole of 22 x 10 cm" in whole
+        assert not unreachable(terrain, ROBOT, MODEL, start, goal, full_soles=False, packed=packed)
+
+
 def test_stepping_stones_join_what_is_too_far_apart() -> None:
     banks = (slab("near", (-1, 1)), slab("far", (2, 4)))
     stone = slab("stone", (1.4, 1.6), 0.2, (-0.1, 0.1))

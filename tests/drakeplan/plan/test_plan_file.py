@@ -223,7 +223,7 @@ def nan_in(name: str) -> Callable[[h5py.File], None]:
 SPOILED: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "no format": (lambda f: f.attrs.__delitem__("format"), "no attribute format"),
     "another format": (lambda f: f.attrs.__setitem__("format", "weather"), "format is 'weather'"),
-    "a later version": (lambda f: f.attrs.__setitem__("version", 2), "reads version 1, the file has 2"),
+    "a later version": (lambda f: f.attrs.__setitem__("version", 3), "reads versions 1 to 2, the file has 3"),
     "unknown status": (lambda f: f.attrs.__setitem__("status", "fine"), "status: expected"),
     "mass is text": (lambda f: f.attrs.__setitem__("mass", "heavy"), "attribute mass: expected a number"),
     "mass is NaN": (lambda f: f.attrs.__setitem__("mass", np.nan), "attribute mass: expected a number"),

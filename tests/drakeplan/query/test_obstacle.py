@@ -35,7 +35,7 @@ def slab(name: str, x: tuple[float, float], y: tuple[float, float] = (-0.6, 0.6)
 
 def context(surfaces: list[Surface], goal: float, obstacles: tuple[Box, ...] = (), z: float = 0.0) -> QueryContext:
     scene = Scene("test", Terrain(tuple(surfaces), obstacles), Start((0.0, 0.0, 0.0)), Goal((goal, 0.0, z)))
-    return QueryContext(scene, ESCHER, IK)
+    return QueryContext(scene, ESCHER, IK, full_soles=True)
 
 
 def obstacle(of: QueryContext, options: PlannerOptions = FEET) -> Obstacle:
@@ -114,7 +114,7 @@ def test_what_feet_alone_do_is_said_with_the_option_for_it() -> None:
 
 def test_a_query_carries_what_stands_in_its_way_as_a_sentence_and_as_data() -> None:
     scene = context([slab("here", (-0.8, 0.5)), slab("there", (1.02, 2.6))], 1.7).scene
-    options = PlanOptions(dynamics="quasi-static", use_palms=False, expansions=20, deadline=120.0)
+    options = PlanOptions(dynamics="quasi-static", use_palms=False, full_soles=True, expansions=20, deadline=120.0)
     result = plan_scene(scene, ESCHER, options)
     assert result.status == "none" and "goal unreachable" in result.reason
     # Which of the two is found first depends on what the machine does in a second.

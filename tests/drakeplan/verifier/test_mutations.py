@@ -160,6 +160,10 @@ def empty_contacts(file: h5py.File) -> None:
     file["centroidal/contact"][...] = -1
 
 
+def swap_corners(file: h5py.File) -> None:
+    file["contacts/support"][LEFT_AHEAD] = file["contacts/support"][LEFT_AHEAD][::-1]
+
+
 def both(*corruptions: Corruption) -> Corruption:
     def corrupt(file: h5py.File) -> None:
         for one in corruptions:
@@ -205,6 +209,19 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     # contacts
     "a contact frame that is mirrored": (put("contacts/X_WC", (0, 1, 1), -1.0), {"contact pose"}),
     "a patch without size": (put("effectors_half_extent", 0, 0.0), {"patch size"}),
+    "a support that is turned round": (swap_corners, {"support in patch"}),
+    "a support that is longer than the sole": (
+        put("contacts/support", (LEFT_AHEAD, 0), [0.13, 0.05]),
+        {"support in patch"},
+    ),
+    "a support that is a strip": (
+        put("contacts/support", (LEFT_AHEAD, slice(2, 4), 1), 0.035),
+        {"support size", "wrench in true cone"},
+    ),
+    "a support under the heel alone": (
+        put("contacts/support", (LEFT_AHEAD, [0, 3], 0), -0.05),
+        {"wrench in true cone", "wrench in named cone"},
+    ),
     "an unknown surface": (put("contacts/surface", LEFT_AHEAD, 9), {"contact surface exists"}),
     "a foot on the wall": (put("contacts/surface", LEFT_AHEAD, 1), {"contact allowed", "contact normal"}),
     "the wall is for feet only": (scene("friction: 0.6", "contact: [left_foot]"), {"contact allowed"}),
@@ -218,10 +235,13 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
         put("contacts/X_WC", (LEFT_FOOT, slice(3), slice(3)), [[0.99939, 0, 0.0349], [0, 1, 0], [-0.0349, 0, 0.99939]]),
         {"contact normal", "held contacts keep level"},
     ),
-    "a contact off the edge": (put("contacts/X_WC", (RIGHT_AHEAD, 0, 3), 1.95), {"patch inside", "held contacts stay"}),
+    "a contact off the edge": (
+        put("contacts/X_WC", (RIGHT_AHEAD, 0, 3), 1.95),
+        {"support on terrain", "held contacts stay"},
+    ),
     "a surface cut back under the sole": (
         scene("[2, -1, 0], [2, 0.6, 0]", "[0.28, -1, 0], [0.28, 0.6, 0]"),
-        {"patch inside"},
+        {"support on terrain"},
     ),
     "a slab over a contact": (
         plate("[[0.1, 0, 0.04], [0.3, 0, 0.04], [0.3, 0.2, 0.04], [0.1, 0.2, 0.04]]"),

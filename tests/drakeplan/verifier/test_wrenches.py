@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drakeplan.verifier.geometry import patch
 from drakeplan.verifier.wrenches import CONES, TRUE_CONE, Cone, corner_wrenches, distance_to_cones, wrench_distance
 
 HALF = np.array([0.11, 0.05])  # [m] of a sole
@@ -14,7 +15,7 @@ MU = 0.5
 
 
 def distance(f_C: list[float], cop: list[float], torque: float, cone: Cone = TRUE_CONE, mu: float = MU) -> float:
-    one = [np.array([value], dtype=float) for value in (f_C, cop, torque, HALF, mu)]
+    one = [np.array([value], dtype=float) for value in (f_C, cop, torque, patch(HALF), mu)]
     return float(wrench_distance(cone, *one)[0])
 
 
@@ -88,6 +89,6 @@ def test_what_the_closed_form_admits_the_program_admits_too(seed: int) -> None:
     cop, torque = rng.uniform(-1, 1, 2) * HALF, rng.uniform(-0.03, 0.03)
     found = distance(list(f), list(cop), torque, CONES["inner"])
     wrench = np.array([*f, cop[1], -cop[0], cop[0] * f[1] - cop[1] * f[0] + torque])
-    block = corner_wrenches(np.eye(4), HALF, CONES["inner"].rays(MU), np.zeros(3))
+    block = corner_wrenches(np.eye(4), patch(HALF), CONES["inner"].rays(MU), np.zeros(3))
     program = distance_to_cones([block], wrench[None])[0]
     assert found == pytest.approx(program, abs=1e-7)

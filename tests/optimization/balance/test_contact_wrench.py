@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from optimization.balance.contact_wrench import CornerForces, cross, pressure_residuals, skew
 from optimization.balance.friction import CONES, contains
+from scenes.contact import patch_corners
 
 HALF = np.array([[0.11, 0.05], [0.06, 0.07]])
 FRICTION = np.array([0.5, 0.8])
@@ -22,7 +23,7 @@ def test_skew_is_the_cross_product():
 
 def test_a_wrench_is_the_sum_of_four_forces_at_the_corners():
     forces = np.random.default_rng(1).normal(size=(2, 4, 3))
-    wrench = CornerForces("inner", FRICTION, HALF, ARM).wrench(forces)
+    wrench = CornerForces("inner", FRICTION, patch_corners(HALF), ARM).wrench(forces)
     for j, (hx, hy) in enumerate(HALF):
         corners = np.array([[hx, hy, 0], [-hx, hy, 0], [-hx, -hy, 0], [hx, -hy, 0]])
         assert np.allclose(wrench[j, :3], forces[j].sum(axis=0))
@@ -32,7 +33,7 @@ def test_a_wrench_is_the_sum_of_four_forces_at_the_corners():
 @pytest.mark.parametrize("cone", CONES)
 @given(forces=arrays(float, (2, 4, 3), elements=st.floats(-2, 2)))
 def test_projection_leads_into_the_cone_along_the_tangent_and_leaves_what_is_inside(cone, forces):
-    corners = CornerForces(cone, FRICTION, HALF, ARM)
+    corners = CornerForces(cone, FRICTION, patch_corners(HALF), ARM)
     projected = corners.project(forces)
     assert contains(cone, FRICTION[:, None], projected, INSIDE).all()
     assert np.array_equal(projected[..., 2], np.maximum(forces[..., 2], 0))

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from optimization.balance.friction import CONES, cone_generators, corner_points
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
+from scenes.contact import patch_corners
 
 FOOT, PALM, POINT, LINE = (0.11, 0.05), (0.045, 0.045), (0.0, 0.0), (0.1, 0.0)
 LIMITS = np.array([2.0, 2.0, 0.6, 0.6])
@@ -55,7 +56,7 @@ def nearly_level(rng, low, high, friction=None):
         half.append([POINT, LINE][rng.integers(2)] if rng.random() < 0.1 else FOOT if i < 2 else PALM)
     limit = LIMITS[:n] if rng.random() < 0.6 else np.full(n, rng.choice([5.0, 1.0 / n + 0.2]))
     generators = np.array([cone_generators(cone, mu)] * n)
-    return ContactArrays(np.array(p), np.array(R), np.array(half, float), generators, np.array(limit, float))
+    return ContactArrays(np.array(p), np.array(R), patch_corners(half), generators, np.array(limit, float))
 
 
 class WholeNumbers:
@@ -69,10 +70,10 @@ class WholeNumbers:
     def __init__(self, arrays):
         self.origin, n = arrays.p_WC.mean(axis=0), len(arrays.p_WC)
         columns = []
-        for p, R, half, cone in zip(*arrays[:4], strict=True):
-            for corner in corner_points(half):
+        for p, R, corners, cone in zip(*arrays[:4], strict=True):
+            for corner in corners:
                 for ray in cone:
-                    f, arm = R @ ray, p - self.origin + R @ corner
+                    f, arm = R @ ray, p - self.origin + R[:, :2] @ corner
                     columns.append([*f, *np.cross(arm, f)])
         forces = np.array(columns).T
         self.slack = forces.shape[1]
@@ -221,7 +222,9 @@ def test_one_foot_tilted_by_next_to_nothing_supports_its_own_rectangle(decade):
         R = tilted(10.0 ** rng.uniform(decade, decade + 1), rng.uniform(0, 2 * np.pi))
         R = R @ Rotation.from_euler("z", rng.uniform(-3, 3)).as_matrix()
         cone, mu, p = CONES[rng.integers(len(CONES))], rng.uniform(0.1, 1.2), rng.uniform(-1, 1, 3)
-        arrays = ContactArrays(p[None], R[None], np.array([FOOT]), cone_generators(cone, mu)[None], np.array([2.0]))
+        arrays = ContactArrays(
+            p[None], R[None], patch_corners([FOOT]), cone_generators(cone, mu)[None], np.array([2.0])
+        )
         region, corners = polygon(arrays), p[:2] + (corner_points(FOOT) @ R.T)[:, :2]
         assert max(beyond(region, corners), beyond(corners, region)) < RIGHT
 

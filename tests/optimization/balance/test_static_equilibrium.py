@@ -14,7 +14,7 @@ from optimization.balance.balance_regions import balance_region, contact_arrays
 from optimization.balance.friction import CONES, cone_generators, cone_rows, corner_points
 from optimization.balance.reference_program import StaticEquilibriumProgram
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon, is_balanced, polygon_margin
-from scenes.contact import Contact, contact_pose
+from scenes.contact import Contact, contact_pose, patch_corners
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 
@@ -36,9 +36,9 @@ def polygon(arrays, room=256):
 def arrays_of(p_WC, R_WC, half, mu, limit, cone="inner"):
     n = len(p_WC)
     mu, limit = np.broadcast_to(mu, n), np.broadcast_to(np.asarray(limit, float), n).copy()
-    half = np.broadcast_to(np.asarray(half, float), (n, 2)).copy()
+    corners = patch_corners(np.broadcast_to(np.asarray(half, float), (n, 2)))
     generators = np.array([cone_generators(cone, m) for m in mu])
-    return ContactArrays(np.array(p_WC, float), np.array(R_WC, float).reshape(n, 3, 3), half, generators, limit)
+    return ContactArrays(np.array(p_WC, float), np.array(R_WC, float).reshape(n, 3, 3), corners, generators, limit)
 
 
 def random_contacts(rng, n, tilt=0.35):
@@ -63,10 +63,10 @@ class Highs:
     def __init__(self, arrays):
         self.origin = arrays.p_WC.mean(axis=0)
         columns = []
-        for p, R, half, cone in zip(*arrays[:4], strict=True):
-            for corner in corner_points(half):
+        for p, R, corners, cone in zip(*arrays[:4], strict=True):
+            for corner in corners:
                 for ray in cone:
-                    f, arm = R @ ray, p - self.origin + R @ corner
+                    f, arm = R @ ray, p - self.origin + R[:, :2] @ corner
                     columns.append([*f, *np.cross(arm, f)])
         self.A = np.array(columns).T
         per_contact = self.A.shape[1] // len(arrays.p_WC)
@@ -217,7 +217,7 @@ def test_turning_and_shifting_the_world_turns_and_shifts_the_region(seed, n, yaw
 @given(seed=SEEDS, n=st.integers(1, 4), scale=st.floats(0.2, 5.0))
 def test_scaling_every_length_scales_the_region(seed, n, scale):
     here = contact_arrays(random_contacts(np.random.default_rng(seed), n), ROBOT, "square")
-    a, b = polygon(here), polygon(here._replace(p_WC=here.p_WC * scale, half=here.half * scale))
+    a, b = polygon(here), polygon(here._replace(p_WC=here.p_WC * scale, corners=here.corners * scale))
     assert (len(a) == 0) == (len(b) == 0)
     assume(len(a) > 0)
     assert same_polygon(a * scale, b, 1e-7)

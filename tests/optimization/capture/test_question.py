@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -114,3 +116,15 @@ def test_a_held_end_effector_that_moves_is_let_go_first() -> None:
 def test_what_cannot_be_asked_is_refused(stance: Stance, com: np.ndarray, new: Contact | None, message: str) -> None:
     with pytest.raises(InputError, match=message):
         CaptureQuestion(stance, com, np.zeros(3), new_contact=new)
+
+
+def test_the_mirror_image_of_a_support_is_counter_clockwise_and_carries_the_mirrored_forces() -> None:
+    heel = np.array([[-0.02, 0.05], [-0.11, 0.03], [-0.11, -0.05]])
+    contact = dataclasses.replace(_foot("left_foot", 0.0, 0.1), support=heel)
+    question = CaptureQuestion(Stance((contact, *STANDING.contacts[1:])), COM, np.zeros(3))
+    mirrored = question.mirrored().stance.contacts[1]
+    assert mirrored is not None
+    assert mirrored.support is not None
+    seen = contact.p_WC[:2] + heel @ contact.R_WC[:2, :2].T
+    image = mirrored.p_WC[:2] + mirrored.support @ mirrored.R_WC[:2, :2].T
+    assert {tuple(p) for p in np.round(image, 9)} == {tuple(p) for p in np.round(seen * [1.0, -1.0], 9)}
