@@ -23,7 +23,8 @@ from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
-from scenes.footholds.projection import boxes_are_free, no_placements, patch_shape, project_feet, project_palms
+from scenes.footholds.projection import boxes_are_free, patch_shape
+from scenes.footholds.snap import Footholds, Snap, step_limits
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -35,6 +36,7 @@ SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
+BEYOND = 0.0  # [m] how much farther than the steps of the transition model a snapped foot may be
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
@@ -69,6 +71,7 @@ class ContactDomain:
         options: PlannerOptions,
         weights: PlannerWeights,
         grid: TorsoGrid | None = None,
+        start_heading: float = 0.0,
     ) -> None:
         """Prepares the domain.
 
@@ -81,6 +84,7 @@ class ContactDomain:
                 the rest cannot carry the weight.
             weights: of the edge cost (Lin 2020 eq. 3.2).
             grid: of this terrain, robot and goal, where there is one already.
+            start_heading: of the feet at the start [rad]; snapped feet turn by multiples of 5 deg from it.
         """
         self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
         self.pool: ContactPool = check.pool
@@ -97,6 +101,8 @@ class ContactDomain:
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._patches = [patch_shape(e) for e in robot.effectors]
+        self._footholds = Footholds(packed, start_heading, Snap() if options.footholds == "snapped" else None)
+        self._limits = step_limits(options.model.steps, robot.effectors[0].half_extent, BEYOND)
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
@@ -145,6 +151,14 @@ class ContactDomain:
         feet = np.array([s[:2] for s in states])
         mean = 0.5 * (self.pool.p[feet[:, 0]] + self.pool.p[feet[:, 1]])
         return mean, _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
+
+    def alike(self, state: State) -> tuple[int, ...]:
+        """States with the same value are about the same place with the same hands free."""
+        import os
+        C=float(os.environ.get("ALIKE","0.1"))
+        p = self.pool._p
+        x, y = p[state[0], 0] + p[state[1], 0], p[state[0], 1] + p[state[1], 1]
+        return (round(0.5 * x / C), round(0.5 * y / C), state[2] >= 0, state[3] >= 0)
 
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region, on the goal's floor."""
@@ -272,9 +286,15 @@ class ContactDomain:
         xy_yaw = np.column_stack(
             [p0[0] + c * steps[:, 0] - s * steps[:, 1], p0[1] + s * steps[:, 0] + c * steps[:, 1], yaw0 + steps[:, 2]]
         )
-        p, R, surface = placed = no_placements(len(xy_yaw))
         rise = self.robot.max_step_height
-        project_feet(self.packed, mover, xy_yaw, (p0[2] - rise, p0[2] + rise), self._patches[mover], placed)
+        p, R, surface = self._footholds.place_feet(
+            mover,
+            xy_yaw,
+            (p0[2] - rise, p0[2] + rise),
+            self._patches[mover],
+            np.array([p0[0], p0[1], yaw0]),
+            self._limits,
+        )
         fits = surface >= 0
         self.rejections["no foothold"] += int((~fits).sum())
         mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)
@@ -312,10 +332,9 @@ class ContactDomain:
         shoulder = self._shoulders(mean[None], np.array([yaw]), side)[0]
         c, s = np.cos(yaw), np.sin(yaw)
         rays_W = np.ascontiguousarray(rays @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
-        p, R, surface = placed = no_placements(len(rays_W))
         low, high = self.robot.arm_reach
         palm = self._patches[2 + side]
-        project_palms(self.packed, 2 + side, shoulder, rays_W, yaw, (low, ARM_SLACK * high), palm, placed)
+        p, R, surface = self._footholds.place_palms(2 + side, shoulder, rays_W, yaw, (low, ARM_SLACK * high), palm)
         keep = surface >= 0
         return np.unique(self.pool.add(2 + side, p[keep], R[keep], np.full(int(keep.sum()), 0.0), surface[keep]))
 

@@ -14,6 +14,7 @@ from scenes.transition_model import TransitionModel, transition_model
 
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "euclidean", "admissible"]
+FootholdsName = Literal["snapped", "fixed"]
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class PlannerOptions:
             centroidal program ("exact"), or for the networks that learned it ("learned").
         timing: of every transition.
         model: the next contacts to choose from.
+        footholds: whether a step or a palm ray that finds no foothold moves to the nearest one ("snapped"), or is lost
+            ("fixed", as in Lin 2020).
     """
 
     seed: int = 0
@@ -36,6 +39,7 @@ class PlannerOptions:
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
     model: TransitionModel = field(default_factory=transition_model)
+    footholds: FootholdsName = "snapped"
 
 
 @dataclass(frozen=True)

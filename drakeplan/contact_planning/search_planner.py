@@ -85,7 +85,14 @@ class SearchPlanner:
         self._pool = ContactPool(context.packed)
         self.check = TransitionCheck(self._pool, context.robot, context.ik, context.packed, context.cone)
         self.domain = ContactDomain(
-            context.packed, context.robot, context.goal, self.check, options, self.settings.weights, context.torso_grid
+            context.packed,
+            context.robot,
+            context.goal,
+            self.check,
+            options,
+            self.settings.weights,
+            context.torso_grid,
+            start.contacts[0].heading if start.contacts[0] else 0.0,
         )
         held = tuple(-1 if c is None else self._pool.add_contact(c) for c in start.contacts)
         self._start_state: State = (*held, -1)
@@ -168,6 +175,9 @@ class SearchPlanner:
             domain, self._start_state, self.settings.epsilon, self.options.seed, limits, expansions, clock=clock
         )
         self.search.heuristic_weight = self._heuristic_weight
+        import os
+        if os.environ.get("PAT"):
+            self.search.alike = self.domain.alike; self.search.patience = float(os.environ["PAT"])
         for found in self.search.run():
             stances = tuple(self._stance(s) for s in found.path)
             bound = found.bound if self.options.heuristic == "admissible" else None

@@ -111,6 +111,7 @@ class _Node(Generic[State]):
     open: bool = True
     confirmed: bool = False
     charged: bool = False  # whether the late cost is in g
+    wait: float = 0.0  # added to h where many states like this one were expanded
 
 
 @dataclass
@@ -143,6 +144,8 @@ class AnaStar(Generic[State]):
     best_cost: float = np.inf
     clock: Callable[[], float] = time.perf_counter
     heuristic_weight: float = np.inf
+    alike: Callable[[State], Hashable] | None = None
+    patience: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.epsilon < 1:
@@ -150,6 +153,7 @@ class AnaStar(Generic[State]):
         if not self.heuristic_weight > 0:
             raise ValueError(f"heuristic_weight must be > 0, got {self.heuristic_weight}")
         self._charges = isinstance(self.domain, LateCosts)
+        self._crowd: dict[Hashable, int] = {}
         self._rng = np.random.default_rng(self.seed)
         self._heap: list[tuple[float, int, _Node[State]]] = []
         self._counter = 0
@@ -223,8 +227,22 @@ class AnaStar(Generic[State]):
         node.charged = True
         return self._late[node.state] > 0
 
+    def _waits(self, node: _Node[State]) -> bool:
+        """Puts a node back into OPEN where states like it were expanded since it was put there; whether it did."""
+        if self.alike is None or np.isfinite(self.best_cost):
+            return False
+        wait = self.patience * self._crowd.get(self.alike(node.state), 0)
+        if wait <= node.wait:
+            return False
+        node.wait, node.open = wait, True
+        self._push(node)
+        return True
+
     def _expand(self, node: _Node[State]) -> None:
         self.expansions += 1
+        if self.alike is not None:
+            like = self.alike(node.state)
+            self._crowd[like] = self._crowd.get(like, 0) + 1
         states, costs = self.domain.successors(node.state)
         if not len(states):
             return
@@ -277,11 +295,12 @@ class AnaStar(Generic[State]):
             node = heapq.heappop(self._heap)[2]
             if node.open:
                 node.open = False
-                return node
+                if not self._waits(node):
+                    return node
         return None
 
     def _key(self, node: _Node[State]) -> float:
-        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.g / self.heuristic_weight
+        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.wait + node.g / self.heuristic_weight
 
     def _ratio(self, node: _Node[State]) -> float:
         """e(s); infinite where h says that the goal is at hand."""

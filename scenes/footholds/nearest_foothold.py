@@ -1,0 +1,136 @@
+"""The contact point nearest to a given one where a patch fits, on one surface and at one heading of a `FootholdTable`."""
+
+# An element of an integer array is an integer to a kernel, and an array to the type checker.
+# pyright: reportArgumentType=false
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from scenes.footholds.foothold_table import TILE, TURN, FootholdTable, region_of
+from scenes.footholds.projection import PatchShape, contact_axes
+from scenes.terrain.packed_terrain import PackedTerrain
+
+
+@njit(cache=True)
+def nearest_on_surface(
+    packed: PackedTerrain,
+    table: FootholdTable,
+    surface: int,
+    turn: int,
+    patch: PatchShape,
+    palm: bool,
+    radius: float,
+    margin: float,
+    p: np.ndarray,
+    within: float,
+    q: np.ndarray,
+) -> tuple[bool, float, float]:
+    """The foothold of a surface at a heading that is nearest to the point p of its plane.
+
+    Args:
+        packed: the terrain.
+        table: of this kind of patch.
+        surface: number of the surface.
+        turn: number of the heading, 0 to TURNS - 1.
+        patch: the room that the end effector takes.
+        palm: whether a palm touches, not a foot.
+        radius: footholds farther from p are not looked for [m].
+        margin: the foothold is moved off the edge of where the patch fits by this, as far as there is room [m].
+        p: (3,) in the plane of the surface, in W [m].
+        within: the same as radius, from search to search [m].
+        q: (3,) the contact point in W [m] is written here.
+
+    Returns:
+        Whether the table is full, and nothing was decided; the distance before the margin was added [m]; and how far the
+        contact point is from the edge [m], -1 where there is none.
+    """
+    best, best_room = min(within, radius), -1.0
+    R = np.empty((3, 3))
+    known = False
+    u, v = 0.0, 0.0
+    count = table.tiles[surface]
+    i0, i1 = _tile_range(packed, surface, 0, count[0], p[0], radius)
+    j0, j1 = _tile_range(packed, surface, 1, count[1], p[1], radius)
+    k0, k1 = _tile_range(packed, surface, 2, count[2], p[2], radius)
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(k0, k1 + 1):
+                tile = table.tile_start[surface] + i + count[0] * (j + count[1] * k)
+                number = region_of(packed, table, tile, surface, turn, patch, palm)
+                if number < 0:
+                    return True, 0.0, -1.0
+                if table.part_start[number] == table.part_start[number + 1]:
+                    continue
+                if not known:
+                    contact_axes(packed.normal[surface], table.heading[0] + turn * TURN, palm, R)
+                    u = R[0, 0] * p[0] + R[1, 0] * p[1] + R[2, 0] * p[2]
+                    v = R[0, 1] * p[0] + R[1, 1] * p[1] + R[2, 1] * p[2]
+                    known = True
+                bounds = table.bounds[number]
+                if u < bounds[0] - best or u > bounds[2] + best or v < bounds[1] - best or v > bounds[3] + best:
+                    continue
+                for part in range(table.part_start[number], table.part_start[number + 1]):
+                    corner = table.corner[table.corner_start[part] : table.corner_start[part + 1]]
+                    a, b, away = _nearest_in(corner, u, v)
+                    if away > best or (away == best and best_room >= 0.0):
+                        continue
+                    a, b, room = _moved_in(corner, a, b, margin)
+                    best, best_room = away, room
+                    for w in range(3):
+                        q[w] = R[w, 0] * a + R[w, 1] * b + R[w, 2] * packed.offset[surface]
+    return False, best, best_room
+
+
+@njit(cache=True)
+def _tile_range(
+    packed: PackedTerrain, surface: int, axis: int, count: int, at: float, radius: float
+) -> tuple[int, int]:
+    """First and last tile of a surface along an axis of W that are within a radius of a coordinate."""
+    if count == 1:
+        return 0, 0
+    along = at - packed.low[surface, axis]
+    return max(int(np.floor((along - radius) / TILE)), 0), min(int(np.floor((along + radius) / TILE)), count - 1)
+
+
+@njit(cache=True)
+def _nearest_in(corner: np.ndarray, u: float, v: float) -> tuple[float, float, float]:
+    """The point of a convex polygon, counter-clockwise, that is nearest to (u, v), and its distance."""
+    inside, least = True, np.inf
+    a, b = u, v
+    n = corner.shape[0]
+    for k in range(n):
+        j = k + 1 if k + 1 < n else 0
+        eu, ev = corner[j, 0] - corner[k, 0], corner[j, 1] - corner[k, 1]
+        du, dv = u - corner[k, 0], v - corner[k, 1]
+        if eu * dv - ev * du >= 0.0:
+            continue
+        inside = False
+        long = eu * eu + ev * ev
+        share = min(max((eu * du + ev * dv) / long, 0.0), 1.0) if long > 0.0 else 0.0
+        away = (du - share * eu) ** 2 + (dv - share * ev) ** 2
+        if away < least:
+            least, a, b = away, corner[k, 0] + share * eu, corner[k, 1] + share * ev
+    return (u, v, 0.0) if inside else (a, b, np.sqrt(least))
+
+
+@njit(cache=True)
+def _moved_in(corner: np.ndarray, u: float, v: float, margin: float) -> tuple[float, float, float]:
+    """A point of a convex polygon moved towards its middle, by the margin at most, and its distance from the nearest edge."""
+    n = corner.shape[0]
+    mu, mv = 0.0, 0.0
+    for k in range(n):
+        mu += corner[k, 0] / n
+        mv += corner[k, 1] / n
+    long = np.sqrt((mu - u) ** 2 + (mv - v) ** 2)
+    share = min(margin / long, 1.0) if long > 0.0 else 0.0
+    u, v = u + share * (mu - u), v + share * (mv - v)
+    room = np.inf
+    for k in range(n):
+        j = k + 1 if k + 1 < n else 0
+        eu, ev = corner[j, 0] - corner[k, 0], corner[j, 1] - corner[k, 1]
+        long = np.sqrt(eu * eu + ev * ev)
+        if long > 1e-9:
+            room = min(room, (eu * (v - corner[k, 1]) - ev * (u - corner[k, 0])) / long)
+    return u, v, max(room, 0.0)
