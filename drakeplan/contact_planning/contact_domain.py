@@ -24,7 +24,7 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from scenes.footholds.projection import boxes_are_free, patch_shape
-from scenes.footholds.snap import Footholds, Snap, step_limits
+from scenes.footholds.snap import Footholds, Snap
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -36,7 +36,7 @@ SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
-BEYOND = 0.0  # [m] how much farther than the steps of the transition model a snapped foot may be
+PLACE = 0.1  # [m] means of the feet nearer than this are one place
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
@@ -102,7 +102,7 @@ class ContactDomain:
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._patches = [patch_shape(e) for e in robot.effectors]
         self._footholds = Footholds(packed, start_heading, Snap() if options.footholds == "snapped" else None)
-        self._limits = step_limits(options.model.steps, robot.effectors[0].half_extent, BEYOND)
+        self._limits = options.step_limits(robot)
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
@@ -153,12 +153,13 @@ class ContactDomain:
         return mean, _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
 
     def alike(self, state: State) -> tuple[int, ...]:
-        """States with the same value are about the same place with the same hands free."""
-        import os
-        C=float(os.environ.get("ALIKE","0.1"))
-        p = self.pool._p
-        x, y = p[state[0], 0] + p[state[1], 0], p[state[0], 1] + p[state[1], 1]
-        return (round(0.5 * x / C), round(0.5 * y / C), state[2] >= 0, state[3] >= 0)
+        """What a state has in common with others about as good: the place of the feet's mean, and which palms are held.
+
+        Args:
+            state: its first four numbers are looked at.
+        """
+        mean = 0.5 * (self.pool.p[state[0], :2] + self.pool.p[state[1], :2]) / PLACE
+        return round(float(mean[0])), round(float(mean[1])), state[2] >= 0, state[3] >= 0
 
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region, on the goal's floor."""

@@ -9,12 +9,15 @@ from typing import Literal
 import numpy as np
 
 from drakeplan.timing.step_timing import Timing
+from scenes.footholds.snap import StepLimits, step_limits
+from scenes.robots.robot import Robot
 from scenes.stance import Stance, changed_effector
 from scenes.transition_model import TransitionModel, transition_model
 
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
+BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,18 @@ class PlannerOptions:
     timing: Timing = field(default_factory=Timing)
     model: TransitionModel = field(default_factory=transition_model)
     footholds: FootholdsName = "snapped"
+
+    def step_limits(self, robot: Robot) -> StepLimits:
+        """Bounds of the steps that a foot may make: snapped ones may go a little beyond those of the model."""
+        beyond = BEYOND if self.footholds == "snapped" else 0.0
+        return step_limits(self.model.steps, robot.effectors[0].half_extent, beyond)
+
+    def step_reach(self, robot: Robot) -> float:
+        """How far apart a step sets the feet at most, in the plan view [m]."""
+        if self.footholds == "fixed":
+            return float(np.hypot(*self.model.steps[:, :2].T).max())
+        limits = self.step_limits(robot)
+        return float(np.hypot(max(np.abs(limits.x)), limits.outer))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.terrain.solids import solid_at, solid_columns
 from scenes.terrain.terrain import Terrain
-from scenes.transition_model import TransitionModel
 
 MOST_SURFACES = 20_000  # more take seconds: then nothing is proved
 SLACK = 1e-3  # [m] rounding
@@ -30,20 +29,20 @@ LOWEST_PELVIS = 0.2  # [m] over the lowest ground
 MOST_CELLS = 500_000  # more take seconds
 
 
-def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal) -> str:
+def unreachable(terrain: Terrain, robot: Robot, reach: float, start: Stance, goal: Goal) -> str:
     """Why no chain of steps leads from the start to the goal, "" where that is not proved.
 
     Args:
         terrain: its surfaces.
         robot: gives the greatest height of a step.
-        model: gives the reach of a step.
+        reach: how far apart a step sets the feet at most, in the plan view [m].
         start: the first stance.
         goal: region and floor.
     """
     feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
     if len(feet) > MOST_SURFACES:
         return ""
-    reach, rise = float(np.hypot(*model.steps[:, :2].T).max()), robot.max_step_height
+    rise = robot.max_step_height
     plans, heights = _plans(terrain, feet)
     reached = _connected(plans, heights, reach, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
     at_goal = _at_goal(plans, heights, goal, reach, rise)
@@ -60,16 +59,14 @@ def unreachable(terrain: Terrain, robot: Robot, model: TransitionModel, start: S
     )
 
 
-def walled_off(
-    terrain: Terrain, packed: PackedTerrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal
-) -> str:
+def walled_off(terrain: Terrain, packed: PackedTerrain, robot: Robot, reach: float, start: Stance, goal: Goal) -> str:
     """Why solids keep the pelvis from the goal, "" where that is not proved.
 
     Args:
         terrain: its surfaces and obstacles.
         packed: the same, packed.
         robot: gives the length of the legs.
-        model: gives the reach of a step.
+        reach: how far apart a step sets the feet at most, in the plan view [m].
         start: the first stance.
         goal: region and floor.
     """
@@ -78,7 +75,6 @@ def walled_off(
         return ""
     leg, cell = robot.leg_reach[1], min(CELL, float(abs(robot.hip[1])))
     plans, heights = _plans(terrain, feet)
-    reach = float(np.hypot(*model.steps[:, :2].T).max())
     on = [feet.index(c.surface) for c in start.contacts[:2] if c]
     reached = np.flatnonzero(_connected(plans, heights, reach, robot.max_step_height, on))
     bounds = shapely.bounds(plans[reached]) + np.array([-leg, -leg, leg, leg])

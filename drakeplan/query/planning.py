@@ -130,6 +130,7 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
         heuristic=options.heuristic,
         dynamics=dynamics,
         timing=options.timing,
+        footholds=options.footholds,
         model=transition_model(options.transition_model or context.scene.transition_model or "experiments"),
     )
 

@@ -245,6 +245,7 @@ class Query:
             "command": self.options.command,
             "planner": self.options.planner,
             "dynamics": self.record.dynamics,
+            "footholds": self.options.footholds,
             "limits_fired": list(self.record.limits_fired),
             "expansions": self.record.expansions,
             "cost": self.record.cost,

@@ -131,6 +131,9 @@ class AnaStar(Generic[State]):
         clock: seconds; a caller that works between two paths may pass one that it can stop.
         heuristic_weight: weight of the heuristic against the cost so far until there is a first path; by default that cost does
             not count, as if G were infinite.
+        alike: what states have in common that are about as good as each other, None: nothing.
+        patience: until there is a first path, each state that is expanded makes those like it wait: this much is added
+            to their heuristic. Else a dead end of many states that differ by little is searched to its last corner.
     """
 
     domain: Domain[State]
@@ -153,7 +156,7 @@ class AnaStar(Generic[State]):
         if not self.heuristic_weight > 0:
             raise ValueError(f"heuristic_weight must be > 0, got {self.heuristic_weight}")
         self._charges = isinstance(self.domain, LateCosts)
-        self._crowd: dict[Hashable, int] = {}
+        self._expanded: dict[Hashable, int] = {}  # how many states of each kind
         self._rng = np.random.default_rng(self.seed)
         self._heap: list[tuple[float, int, _Node[State]]] = []
         self._counter = 0
@@ -228,10 +231,10 @@ class AnaStar(Generic[State]):
         return self._late[node.state] > 0
 
     def _waits(self, node: _Node[State]) -> bool:
-        """Puts a node back into OPEN where states like it were expanded since it was put there; whether it did."""
+        """Puts a node back into OPEN where states like it were expanded since it got there; whether it did."""
         if self.alike is None or np.isfinite(self.best_cost):
             return False
-        wait = self.patience * self._crowd.get(self.alike(node.state), 0)
+        wait = self.patience * self._expanded.get(self.alike(node.state), 0)
         if wait <= node.wait:
             return False
         node.wait, node.open = wait, True
@@ -241,8 +244,8 @@ class AnaStar(Generic[State]):
     def _expand(self, node: _Node[State]) -> None:
         self.expansions += 1
         if self.alike is not None:
-            like = self.alike(node.state)
-            self._crowd[like] = self._crowd.get(like, 0) + 1
+            kind = self.alike(node.state)
+            self._expanded[kind] = self._expanded.get(kind, 0) + 1
         states, costs = self.domain.successors(node.state)
         if not len(states):
             return
@@ -300,7 +303,9 @@ class AnaStar(Generic[State]):
         return None
 
     def _key(self, node: _Node[State]) -> float:
-        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.wait + node.g / self.heuristic_weight
+        return (
+            -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.wait + node.g / self.heuristic_weight
+        )
 
     def _ratio(self, node: _Node[State]) -> float:
         """e(s); infinite where h says that the goal is at hand."""

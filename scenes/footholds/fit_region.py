@@ -67,12 +67,12 @@ def fit_region(
             nv = e[0] * R[0, 1] + e[1] * R[1, 1] + e[2] * R[2, 1]
             across = e[0] * R[0, 2] + e[1] * R[1, 2] + e[2] * R[2, 2]
             reach = packed.edge_offset[surface, k] - d * across - hx * abs(nu) - hy * abs(nv)
-            m = _below(base, m, nu, nv, reach - PATCH_MARGIN - ROUNDING, spare)
+            m = below(base, m, nu, nv, reach - PATCH_MARGIN - ROUNDING, spare)
             copy_corners(spare, m, base)
     for a in range(3):  # the box: each coordinate of W is linear in (u, v)
-        m = _below(base, m, R[a, 0], R[a, 1], high[a] - d * R[a, 2], spare)
+        m = below(base, m, R[a, 0], R[a, 1], high[a] - d * R[a, 2], spare)
         copy_corners(spare, m, base)
-        m = _below(base, m, -R[a, 0], -R[a, 1], d * R[a, 2] - low[a], spare)
+        m = below(base, m, -R[a, 0], -R[a, 1], d * R[a, 2] - low[a], spare)
         copy_corners(spare, m, base)
     if m < 3 or area(base, m) < NOTHING:
         return 0
@@ -161,8 +161,17 @@ def _flat(point: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def _below(polygon: np.ndarray, count: int, nu: float, nv: float, bound: float, out: np.ndarray) -> int:
-    """Writes the part of a polygon with nu u + nv v <= bound; its number of corners."""
+def below(polygon: np.ndarray, count: int, nu: float, nv: float, bound: float, out: np.ndarray) -> int:
+    """Writes the part of a polygon with nu u + nv v <= bound; its number of corners.
+
+    Args:
+        polygon: (K, 2) corners (u, v) [m].
+        count: how many are real.
+        nu: of the half plane's outward normal.
+        nv: of the half plane's outward normal.
+        bound: of the half plane [m].
+        out: (count + 1 or more, 2) is written here.
+    """
     n = 0
     for k in range(count):
         j = k + 1 if k + 1 < count else 0

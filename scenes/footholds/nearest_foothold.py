@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from scenes.footholds.convex_parts import NOTHING, area, copy_corners
+from scenes.footholds.fit_region import below, most_corners
 from scenes.footholds.foothold_table import TILE, TURN, FootholdTable, region_of
 from scenes.footholds.projection import PatchShape, contact_axes
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -25,6 +27,7 @@ def nearest_on_surface(
     margin: float,
     p: np.ndarray,
     within: float,
+    limits: np.ndarray,
     q: np.ndarray,
 ) -> tuple[bool, float, float]:
     """The foothold of a surface at a heading that is nearest to the point p of its plane.
@@ -40,6 +43,7 @@ def nearest_on_surface(
         margin: the foothold is moved off the edge of where the patch fits by this, as far as there is room [m].
         p: (3,) in the plane of the surface, in W [m].
         within: the same as radius, from search to search [m].
+        limits: (L, 4) half spaces of W in which the contact point has to be: rows (a, b) mean a @ q <= b [m].
         q: (3,) the contact point in W [m] is written here.
 
     Returns:
@@ -49,7 +53,9 @@ def nearest_on_surface(
     best, best_room = min(within, radius), -1.0
     R = np.empty((3, 3))
     known = False
-    u, v = 0.0, 0.0
+    u, v, d = 0.0, 0.0, packed.offset[surface]
+    room_for = most_corners(packed) + limits.shape[0]
+    clipped, spare = np.empty((room_for, 2)), np.empty((room_for, 2))
     count = table.tiles[surface]
     i0, i1 = _tile_range(packed, surface, 0, count[0], p[0], radius)
     j0, j1 = _tile_range(packed, surface, 1, count[1], p[1], radius)
@@ -76,10 +82,19 @@ def nearest_on_surface(
                     a, b, away = _nearest_in(corner, u, v)
                     if away > best or (away == best and best_room >= 0.0):
                         continue
+                    keeps = _keeps(limits, R, d, a, b)
                     a, b, room = _moved_in(corner, a, b, margin)
+                    if not keeps or not _keeps(limits, R, d, a, b):
+                        m = _limited(corner, limits, R, d, clipped, spare)
+                        if m < 3 or area(clipped, m) < NOTHING:
+                            continue
+                        a, b, away = _nearest_in(clipped[:m], u, v)
+                        if away > best or (away == best and best_room >= 0.0):
+                            continue
+                        a, b, room = _moved_in(clipped[:m], a, b, margin)
                     best, best_room = away, room
                     for w in range(3):
-                        q[w] = R[w, 0] * a + R[w, 1] * b + R[w, 2] * packed.offset[surface]
+                        q[w] = R[w, 0] * a + R[w, 1] * b + R[w, 2] * d
     return False, best, best_room
 
 
@@ -92,6 +107,35 @@ def _tile_range(
         return 0, 0
     along = at - packed.low[surface, axis]
     return max(int(np.floor((along - radius) / TILE)), 0), min(int(np.floor((along + radius) / TILE)), count - 1)
+
+
+@njit(cache=True)
+def _keeps(limits: np.ndarray, R: np.ndarray, d: float, u: float, v: float) -> bool:
+    """Whether the point (u, v) of a plane is in all half spaces."""
+    for i in range(limits.shape[0]):
+        reached = 0.0
+        for w in range(3):
+            reached += limits[i, w] * (R[w, 0] * u + R[w, 1] * v + R[w, 2] * d)
+        if reached > limits[i, 3]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _limited(
+    corner: np.ndarray, limits: np.ndarray, R: np.ndarray, d: float, out: np.ndarray, spare: np.ndarray
+) -> int:
+    """Writes the part of a convex polygon that is in all half spaces; how many corners it has."""
+    m = copy_corners(corner, corner.shape[0], out)
+    for i in range(limits.shape[0]):
+        nu, nv, bound = 0.0, 0.0, limits[i, 3]
+        for w in range(3):
+            nu += limits[i, w] * R[w, 0]
+            nv += limits[i, w] * R[w, 1]
+            bound -= limits[i, w] * R[w, 2] * d
+        m = below(out, m, nu, nv, bound, spare)
+        copy_corners(spare, m, out)
+    return m
 
 
 @njit(cache=True)

@@ -27,9 +27,6 @@ from scenes.footholds.projection import (
 )
 from scenes.terrain.packed_terrain import PackedTerrain, near
 
-import os
-ENOUGH = int(os.environ.get('ENOUGH', '60'))
-PENOUGH = int(os.environ.get('PENOUGH', '18'))
 ALIKE = 1e-3  # [m] footholds whose cost differs by less are equal: the roomier one is taken
 
 
@@ -42,7 +39,8 @@ class Snap(NamedTuple):
         stride: turns of the table from one heading that is tried to the next.
         turn_cost: what a turn costs against a distance [m/rad].
         margin: a contact that was moved keeps this distance from where it does not fit, as far as there is room [m].
-        apart: a foothold nearer than this to another candidate is dropped, with a heading about the same [m].
+        apart: a candidate that would come nearer than this to another one, with about its heading, is dropped [m].
+        enough: where so many steps find footholds as they are, none is moved.
     """
 
     radius: float = 0.10
@@ -51,6 +49,7 @@ class Snap(NamedTuple):
     turn_cost: float = 0.1
     margin: float = 0.01
     apart: float = 0.04
+    enough: int = 20
 
 
 class StepLimits(NamedTuple):
@@ -146,7 +145,7 @@ class Footholds:
         """
         placed = no_placements(len(xy_yaw))
         project_feet(self.packed, effector, xy_yaw, z_range, patch, placed)
-        if self.snap is None or (placed.surface >= 0).sum() >= ENOUGH:
+        if self.snap is None or (placed.surface >= 0).sum() >= self.snap.enough:
             return placed
         done = 0
         while True:
@@ -179,7 +178,7 @@ class Footholds:
         """
         placed = no_placements(len(rays))
         project_palms(self.packed, effector, origin, rays, heading, reach, patch, placed)
-        if self.snap is None or (placed.surface >= 0).sum() >= PENOUGH:
+        if self.snap is None or (placed.surface >= 0).all():
             return placed
         done = 0
         while True:
@@ -230,6 +229,17 @@ def _snap_feet(
     left = 1.0 if effector == 0 else -1.0
     c, s = np.cos(stand[2]), np.sin(stand[2])
     p, R, q = np.empty(3), np.empty((3, 3)), np.empty(3)
+    ahead, aside = c * stand[0] + s * stand[1], left * (c * stand[1] - s * stand[0])
+    bounds = np.array(
+        [
+            [c, s, 0.0, ahead + limits.x[1]],
+            [-c, -s, 0.0, -ahead - limits.x[0]],
+            [-left * s, left * c, 0.0, aside + limits.outer],
+            [left * s, -left * c, 0.0, -aside],  # less what the turned sole needs
+            [0.0, 0.0, 1.0, z_range[1]],
+            [0.0, 0.0, -1.0, -z_range[0]],
+        ]
+    )
     for m in range(done, xy_yaw.shape[0]):
         if placed.surface[m] >= 0:
             continue
@@ -255,20 +265,16 @@ def _snap_feet(
                 price = snap.turn_cost * abs(heading - yaw)
                 if price > best + ALIKE:
                     continue
+                inner = limits.inner + patch.half_length * abs(np.sin(turned)) + patch.half_width * abs(np.cos(turned))
+                bounds[3, 3] = -aside - inner
+                least = best + ALIKE - price
                 full, away, room = nearest_on_surface(
-                    packed, table, k, turn % TURNS, patch, False, snap.radius, snap.margin, p, best + ALIKE - price, q
+                    packed, table, k, turn % TURNS, patch, False, snap.radius, snap.margin, p, least, bounds, q
                 )
                 if full:
                     return m
                 cost = away + price
                 if room < 0.0 or cost > best + ALIKE or (cost > best - ALIKE and room <= best_room):
-                    continue
-                if q[2] < z_range[0] or q[2] > z_range[1]:
-                    continue
-                dx, dy = q[0] - stand[0], q[1] - stand[1]
-                ahead, aside = c * dx + s * dy, left * (c * dy - s * dx)
-                inner = aside - patch.half_length * abs(np.sin(turned)) - patch.half_width * abs(np.cos(turned))
-                if ahead < limits.x[0] or ahead > limits.x[1] or aside > limits.outer or inner < limits.inner - 1e-6:
                     continue
                 contact_axes(packed.normal[k], heading, False, R)
                 if patch_fits(packed, k, q, R, patch, around, work):
@@ -310,7 +316,7 @@ def _snap_palms(
     around = near(packed, origin[0] - reach[1], origin[1] - reach[1], origin[0] + reach[1], origin[1] + reach[1])
     turn = int(np.round((heading - table.heading[0]) / TURN)) % TURNS
     p, q = np.empty(3), np.empty(3)
-    ray = np.empty((1, 3))
+    ray, anywhere = np.empty((1, 3)), np.empty((0, 4))
     one = (np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1, np.int64))
     for m in range(done, rays.shape[0]):
         if placed.surface[m] >= 0:
@@ -335,7 +341,7 @@ def _snap_palms(
             if apart:
                 continue
             full, away, room = nearest_on_surface(
-                packed, table, k, turn, patch, True, snap.radius, snap.margin, p, best, q
+                packed, table, k, turn, patch, True, snap.radius, snap.margin, p, best, anywhere, q
             )
             if full:
                 return m

@@ -32,7 +32,7 @@ def proofs(terrain: Terrain, goal: tuple[float, float, float]) -> tuple[str, str
     scene, packed = Scene("s", terrain, Start((0.0, 0.0, 0.0)), Goal(goal)), pack_terrain(terrain)
     start = start_stance(scene, packed, ROBOT)
     taken = check_goal(scene, packed, ROBOT, 0.0)
-    return unreachable(terrain, ROBOT, MODEL, start, taken), walled_off(terrain, packed, ROBOT, MODEL, start, taken)
+    return unreachable(terrain, ROBOT, REACH, start, taken), walled_off(terrain, packed, ROBOT, REACH, start, taken)
 
 
 @pytest.mark.parametrize("gap", [0.1, REACH - 0.01, REACH + 0.01, 0.75, 2.0])
