@@ -96,7 +96,8 @@ class ContactDomain:
         self.beyond_grid = False
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
         self._heuristic_name = options.heuristic
-        self._palms = tuple(e - 2 for e in robot.palms) if options.use_palms else ()
+        usable = packed.allowed.any(axis=0)
+        self._palms = tuple(e - 2 for e in robot.palms if usable[e]) if options.use_palms else ()
         self._quasi_static = options.dynamics == "quasi-static"
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}

@@ -34,7 +34,7 @@ class FootholdTable(NamedTuple):
         row: (tiles,) row of `region` that a tile has, -1 before it is first asked for.
         region: (rows, TURNS) number of the region of a tile at each heading, -1 before it is first asked for.
         part_start: (regions + 1,) the parts of region k are part_start[k] to part_start[k + 1].
-        bounds: (regions, 4) least u and v, greatest u and v of each region [m].
+        bounds: (regions, 6) least and greatest coordinates of each region in W [m], inf and -inf where it is empty.
         corner_start: (parts + 1,) the same for the corners of each part.
         corner: (corners, 2) (u, v) in the contact frame of the region's heading at the origin of W [m].
         count: (4,) rows, regions, parts and corners that are in use.
@@ -69,7 +69,7 @@ def foothold_table(packed: PackedTerrain, heading: float = 0.0) -> FootholdTable
         row=np.full(start[-1], -1, np.int32),
         region=np.empty((0, TURNS), np.int32),
         part_start=np.zeros(1, np.int64),
-        bounds=np.empty((0, 4)),
+        bounds=np.empty((0, 6)),
         corner_start=np.zeros(1, np.int64),
         corner=np.empty((0, 2)),
         count=np.zeros(4, np.int64),
@@ -151,14 +151,15 @@ def region_of(
     parts, size = np.empty((PARTS, width, 2)), np.empty(PARTS, np.int64)
     n = fit_region(packed, surface, R, patch, low, high, parts, size)
     bounds = table.bounds[regions]
-    bounds[0], bounds[1], bounds[2], bounds[3] = np.inf, np.inf, -np.inf, -np.inf
+    bounds[:3], bounds[3:] = np.inf, -np.inf
     for i in range(n):
         table.corner_start[pieces + i] = corners
         for k in range(size[i]):
             u, v = parts[i, k, 0], parts[i, k, 1]
             table.corner[corners, 0], table.corner[corners, 1] = u, v
-            bounds[0], bounds[1] = min(bounds[0], u), min(bounds[1], v)
-            bounds[2], bounds[3] = max(bounds[2], u), max(bounds[3], v)
+            for a in range(3):
+                at = R[a, 0] * u + R[a, 1] * v + R[a, 2] * packed.offset[surface]
+                bounds[a], bounds[3 + a] = min(bounds[a], at), max(bounds[3 + a], at)
             corners += 1
     table.corner_start[pieces + n] = corners
     table.part_start[regions], table.part_start[regions + 1] = pieces, pieces + n

@@ -5,78 +5,89 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from scenes.footholds.convex_parts import NOTHING, area, copy_corners
-from scenes.footholds.fit_region import below, most_corners
-from scenes.footholds.foothold_table import TILE, TURN, FootholdTable, region_of
-from scenes.footholds.projection import PatchShape, contact_axes
-from scenes.terrain.packed_terrain import PackedTerrain
+from scenes.footholds.fit_region import below
+from scenes.footholds.foothold_table import TILE, TURN, FootholdTable
+from scenes.footholds.projection import contact_axes
+
+
+class Plane(NamedTuple):
+    """What of a surface the search for its footholds needs: handing a whole terrain over costs more than a look-up.
+
+    Attributes:
+        surface: number of the surface.
+        normal: (3,) outward unit normal in W; points p of the plane have normal @ p = offset.
+        offset: [m].
+        low: (3,) least coordinates of the surface in W [m].
+    """
+
+    surface: int
+    normal: np.ndarray
+    offset: float
+    low: np.ndarray
 
 
 @njit(cache=True)
 def nearest_on_surface(
-    packed: PackedTerrain,
     table: FootholdTable,
-    surface: int,
+    plane: Plane,
     turn: int,
-    patch: PatchShape,
     palm: bool,
     radius: float,
     margin: float,
     p: np.ndarray,
     within: float,
     limits: np.ndarray,
+    work: np.ndarray,
     q: np.ndarray,
-) -> tuple[bool, float, float]:
+) -> tuple[int, float, float]:
     """The foothold of a surface at a heading that is nearest to the point p of its plane.
 
     Args:
-        packed: the terrain.
         table: of this kind of patch.
-        surface: number of the surface.
+        plane: of the surface.
         turn: number of the heading, 0 to TURNS - 1.
-        patch: the room that the end effector takes.
         palm: whether a palm touches, not a foot.
-        radius: footholds farther from p are not looked for [m].
+        radius: footholds farther from p than this are not looked for [m].
         margin: the foothold is moved off the edge of where the patch fits by this, as far as there is room [m].
         p: (3,) in the plane of the surface, in W [m].
-        within: the same as radius, from search to search [m].
+        within: the same as radius, but it may change from call to call [m].
         limits: (L, 4) half spaces of W in which the contact point has to be: rows (a, b) mean a @ q <= b [m].
+        work: (2, C + L, 2) scratch, C as in `most_corners`.
         q: (3,) the contact point in W [m] is written here.
 
     Returns:
-        Whether the table is full, and nothing was decided; the distance before the margin was added [m]; and how far the
-        contact point is from the edge [m], -1 where there is none.
+        A tile whose region has to be found first, -1 where all are known; the distance before the margin was added [m]; and
+        how far the contact point is from the edge [m], -1 where there is none.
     """
     best, best_room = min(within, radius), -1.0
     R = np.empty((3, 3))
     known = False
-    u, v, d = 0.0, 0.0, packed.offset[surface]
-    room_for = most_corners(packed) + limits.shape[0]
-    clipped, spare = np.empty((room_for, 2)), np.empty((room_for, 2))
-    count = table.tiles[surface]
-    i0, i1 = _tile_range(packed, surface, 0, count[0], p[0], radius)
-    j0, j1 = _tile_range(packed, surface, 1, count[1], p[1], radius)
-    k0, k1 = _tile_range(packed, surface, 2, count[2], p[2], radius)
+    u, v, d = 0.0, 0.0, plane.offset
+    count = table.tiles[plane.surface]
+    i0, i1 = _tile_range(plane.low[0], count[0], p[0], radius)
+    j0, j1 = _tile_range(plane.low[1], count[1], p[1], radius)
+    k0, k1 = _tile_range(plane.low[2], count[2], p[2], radius)
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
             for k in range(k0, k1 + 1):
-                tile = table.tile_start[surface] + i + count[0] * (j + count[1] * k)
-                number = region_of(packed, table, tile, surface, turn, patch, palm)
-                if number < 0:
-                    return True, 0.0, -1.0
-                if table.part_start[number] == table.part_start[number + 1]:
+                tile = table.tile_start[plane.surface] + i + count[0] * (j + count[1] * k)
+                row = table.row[tile]
+                if row < 0 or table.region[row, turn] < 0:
+                    return tile, 0.0, -1.0
+                number = table.region[row, turn]
+                if not _is_near(table.bounds[number], p, best):
                     continue
                 if not known:
-                    contact_axes(packed.normal[surface], table.heading[0] + turn * TURN, palm, R)
+                    contact_axes(plane.normal, table.heading[0] + turn * TURN, palm, R)
                     u = R[0, 0] * p[0] + R[1, 0] * p[1] + R[2, 0] * p[2]
                     v = R[0, 1] * p[0] + R[1, 1] * p[1] + R[2, 1] * p[2]
                     known = True
-                bounds = table.bounds[number]
-                if u < bounds[0] - best or u > bounds[2] + best or v < bounds[1] - best or v > bounds[3] + best:
-                    continue
                 for part in range(table.part_start[number], table.part_start[number + 1]):
                     corner = table.corner[table.corner_start[part] : table.corner_start[part + 1]]
                     a, b, away = _nearest_in(corner, u, v)
@@ -85,27 +96,34 @@ def nearest_on_surface(
                     keeps = _keeps(limits, R, d, a, b)
                     a, b, room = _moved_in(corner, a, b, margin)
                     if not keeps or not _keeps(limits, R, d, a, b):
-                        m = _limited(corner, limits, R, d, clipped, spare)
-                        if m < 3 or area(clipped, m) < NOTHING:
+                        m = _limited(corner, limits, R, d, work[0], work[1])
+                        if m < 3 or area(work[0], m) < NOTHING:
                             continue
-                        a, b, away = _nearest_in(clipped[:m], u, v)
+                        a, b, away = _nearest_in(work[0, :m], u, v)
                         if away > best or (away == best and best_room >= 0.0):
                             continue
-                        a, b, room = _moved_in(clipped[:m], a, b, margin)
+                        a, b, room = _moved_in(work[0, :m], a, b, margin)
                     best, best_room = away, room
                     for w in range(3):
                         q[w] = R[w, 0] * a + R[w, 1] * b + R[w, 2] * d
-    return False, best, best_room
+    return -1, best, best_room
 
 
 @njit(cache=True)
-def _tile_range(
-    packed: PackedTerrain, surface: int, axis: int, count: int, at: float, radius: float
-) -> tuple[int, int]:
-    """First and last tile of a surface along an axis of W that are within a radius of a coordinate."""
+def _is_near(bounds: np.ndarray, p: np.ndarray, radius: float) -> bool:
+    """Whether a point is within a radius of a box along each axis; never near the bounds of nothing."""
+    near = True
+    for a in range(3):
+        near = near and bounds[a] - radius <= p[a] <= bounds[3 + a] + radius
+    return near
+
+
+@njit(cache=True)
+def _tile_range(low: float, count: int, at: float, radius: float) -> tuple[int, int]:
+    """First and last of the tiles from `low` on that are within a radius of a coordinate."""
     if count == 1:
         return 0, 0
-    along = at - packed.low[surface, axis]
+    along = at - low
     return max(int(np.floor((along - radius) / TILE)), 0), min(int(np.floor((along + radius) / TILE)), count - 1)
 
 

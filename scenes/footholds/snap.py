@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from scenes.footholds.fit_region import most_corners
 from scenes.footholds.foothold_table import TURN, TURNS, FootholdTable, enlarged, foothold_table, region_of
-from scenes.footholds.nearest_foothold import nearest_on_surface
+from scenes.footholds.nearest_foothold import Plane, nearest_on_surface
 from scenes.footholds.projection import (
     PatchShape,
     Placements,
@@ -240,6 +241,7 @@ def _snap_feet(
             [0.0, 0.0, -1.0, -z_range[0]],
         ]
     )
+    corners = np.empty((2, most_corners(packed) + bounds.shape[0], 2))
     for m in range(done, xy_yaw.shape[0]):
         if placed.surface[m] >= 0:
             continue
@@ -256,8 +258,9 @@ def _snap_feet(
                 continue
             p[0], p[1] = x, y
             p[2] = (packed.offset[k] - packed.normal[k, 0] * x - packed.normal[k, 1] * y) / packed.normal[k, 2]
-            for t in range(-snap.turns * snap.stride, snap.turns * snap.stride + 1, snap.stride):
-                turn = wanted + t
+            plane = Plane(k, packed.normal[k], packed.offset[k], packed.low[k])
+            for t in range(2 * snap.turns + 1):  # 0, -1, 1, -2, 2, ...: the cheap ones first
+                turn = wanted + snap.stride * (t // 2 if t % 2 == 0 else -(t + 1) // 2)
                 heading = table.heading[0] + turn * TURN
                 turned = _wrapped(heading - stand[2]) * left
                 if turned < limits.yaw[0] - 1e-6 or turned > limits.yaw[1] + 1e-6:
@@ -268,11 +271,14 @@ def _snap_feet(
                 inner = limits.inner + patch.half_length * abs(np.sin(turned)) + patch.half_width * abs(np.cos(turned))
                 bounds[3, 3] = -aside - inner
                 least = best + ALIKE - price
-                full, away, room = nearest_on_surface(
-                    packed, table, k, turn % TURNS, patch, False, snap.radius, snap.margin, p, least, bounds, q
-                )
-                if full:
-                    return m
+                while True:
+                    tile, away, room = nearest_on_surface(
+                        table, plane, turn % TURNS, False, snap.radius, snap.margin, p, least, bounds, corners, q
+                    )
+                    if tile < 0:
+                        break
+                    if region_of(packed, table, tile, k, turn % TURNS, patch, False) < 0:
+                        return m
                 cost = away + price
                 if room < 0.0 or cost > best + ALIKE or (cost > best - ALIKE and room <= best_room):
                     continue
@@ -316,7 +322,7 @@ def _snap_palms(
     around = near(packed, origin[0] - reach[1], origin[1] - reach[1], origin[0] + reach[1], origin[1] + reach[1])
     turn = int(np.round((heading - table.heading[0]) / TURN)) % TURNS
     p, q = np.empty(3), np.empty(3)
-    ray, anywhere = np.empty((1, 3)), np.empty((0, 4))
+    ray, anywhere, corners = np.empty((1, 3)), np.empty((0, 4)), np.empty((2, most_corners(packed), 2))
     one = (np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1, np.int64))
     for m in range(done, rays.shape[0]):
         if placed.surface[m] >= 0:
@@ -340,11 +346,15 @@ def _snap_palms(
                     apart = True
             if apart:
                 continue
-            full, away, room = nearest_on_surface(
-                packed, table, k, turn, patch, True, snap.radius, snap.margin, p, best, anywhere, q
-            )
-            if full:
-                return m
+            plane = Plane(k, packed.normal[k], packed.offset[k], packed.low[k])
+            while True:
+                tile, away, room = nearest_on_surface(
+                    table, plane, turn, True, snap.radius, snap.margin, p, best, anywhere, corners, q
+                )
+                if tile < 0:
+                    break
+                if region_of(packed, table, tile, k, turn, patch, True) < 0:
+                    return m
             if room < 0.0 or away >= best:
                 continue
             length = 0.0
