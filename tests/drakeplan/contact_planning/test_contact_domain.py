@@ -10,8 +10,10 @@ import pytest
 
 from drakeplan.contact_planning.contact_domain import TORSO_SWAY, ContactDomain, PlannerWeights, State
 from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.contact_pool import CELL as POOL_CELL
 from drakeplan.contact_planning.contact_pool import ContactPool
-from drakeplan.search.ana_star import AnaStar
+from drakeplan.search.ana_star import AnaStar, Limits
+from scenes.files.scene_source import load_scene
 from scenes.footholds.start_stance import check_goal, start_stance
 from scenes.pose import rpy_rotation
 from scenes.robots.robot import load_robot
@@ -178,3 +180,67 @@ def test_a_held_palm_stays_within_reach_of_its_shoulder_over_the_feet() -> None:
                     distance = np.linalg.norm(domain.pool.p[state[2 + side]] - shoulder)
                     assert distance <= ROBOT.arm_reach[1] + TORSO_SWAY + 1e-9
     assert held > 100
+
+
+def random_surfaces(footholds: str, dynamics: str = "exact"):
+    scene = load_scene("random_surfaces", seed=0)
+    packed = pack_terrain(scene.terrain)
+    check = EverythingStands(packed)
+    options = PlannerOptions(footholds=footholds, dynamics=dynamics)
+    domain = ContactDomain(packed, ROBOT, check_goal(scene, packed, ROBOT), check, options, PlannerWeights())
+    numbers = [-1 if c is None else check.pool.add_contact(c) for c in start_stance(scene, packed, ROBOT).contacts]
+    return domain, (*numbers, -1), options
+
+
+def test_snapped_steps_stay_within_what_the_transition_model_and_the_robot_allow() -> None:
+    domain, start, options = random_surfaces("snapped")
+    pool, limits, seen = domain.pool, options.step_limits(ROBOT), 0
+    half_length, half_width = ROBOT.effectors[0].half_extent
+    cell = np.sqrt(3) * POOL_CELL  # contacts nearer than this may share a number
+    for seed in range(4):
+        for before, after in itertools.pairwise(walk(domain, start, 12, seed)):
+            mover = after[4]
+            if mover > 1:
+                continue
+            new, stand = after[mover], after[1 - mover]
+            assert np.linalg.norm(pool.p[new] - pool.p[before[mover]]) <= domain.max_travel + 1e-9
+            c, s = np.cos(pool.yaw[stand]), np.sin(pool.yaw[stand])
+            x, y = np.array([[c, s], [-s, c]]) @ (pool.p[new] - pool.p[stand])[:2]
+            sign = 1.0 if mover == 0 else -1.0
+            turn = sign * ((pool.yaw[new] - pool.yaw[stand] + np.pi) % (2 * np.pi) - np.pi)
+            slack = np.deg2rad(5.1)
+            assert limits.x[0] - cell <= x <= limits.x[1] + cell
+            assert limits.yaw[0] - slack <= turn <= limits.yaw[1] + slack
+            inner = sign * y - half_length * abs(np.sin(turn)) - half_width * np.cos(turn)
+            assert inner >= limits.inner - cell - half_length * np.sin(slack)
+            assert sign * y <= limits.outer + cell
+            seen += 1
+    assert seen > 20
+
+
+def test_snapped_steps_cross_ground_where_fixed_ones_find_nothing() -> None:
+    crossed = {}
+    for footholds in ("snapped", "fixed"):
+        domain, start, _ = random_surfaces(footholds)
+        search = AnaStar(domain, start, limits=Limits(expansions=300), alike=domain.alike, patience=1.0)
+        crossed[footholds] = next(search.run(), None) is not None
+    assert crossed == {"snapped": True, "fixed": False}
+
+
+def test_no_move_is_offered_twice() -> None:
+    domain, start, _ = random_surfaces("snapped")
+    for seed in range(3):
+        for state in walk(domain, start, 8, seed):
+            following, _ = domain.successors(state)
+            assert len(set(following)) == len(following)
+
+
+def test_step_reach_bounds_every_step() -> None:
+    for footholds in ("snapped", "fixed"):
+        domain, start, options = random_surfaces(footholds)
+        reach = options.step_reach(ROBOT)
+        for state in walk(domain, start, 10, 0):
+            for after in domain.successors(state)[0]:
+                if after[4] < 2:
+                    apart = domain.pool.p[after[0], :2] - domain.pool.p[after[1], :2]
+                    assert np.hypot(*apart) <= reach + np.sqrt(3) * POOL_CELL
