@@ -24,7 +24,7 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from scenes.footholds.projection import boxes_are_free, patch_shape
-from scenes.footholds.snap import Footholds, Snap
+from scenes.footholds.snap import Footholds, Snap, StepLimits
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -36,6 +36,7 @@ SPOILED_RADIUS = 0.08  # [m]
 LEG_SLACK = 1.02  # the torso may sit lower and lean: legs are bounded by their length and a little
 ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
+LEAST_WAY = 0.05  # [m] where no usual step brings the feet this much nearer to the goal, longer ones are tried
 PLACE = 0.1  # [m] means of the feet nearer than this are one place
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
@@ -95,6 +96,7 @@ class ContactDomain:
         self.grid = grid or TorsoGrid(packed, robot, goal)
         self.beyond_grid = False
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
+        self._longer = options.longer and [options.longer.mirrored(True)[0], options.longer.mirrored(False)[0]]
         self._heuristic_name = options.heuristic
         usable = packed.allowed.any(axis=0)
         self._palms = tuple(e - 2 for e in robot.palms if usable[e]) if options.use_palms else ()
@@ -103,11 +105,13 @@ class ContactDomain:
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._patches = [patch_shape(e) for e in robot.effectors]
         self._footholds = Footholds(packed, start_heading, Snap() if options.footholds == "snapped" else None)
-        self._limits = options.step_limits(robot)
+        self._limits = options.step_limits(robot, options.model)
+        self._longer_limits = options.step_limits(robot, options.longer or options.model)
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
-        self.max_travel = max(robot.max_foot_translation, float(np.abs(options.model.steps[:, 0]).max()))
+        farthest = max(float(np.abs(model.steps[:, 0]).max()) for model in (options.model, options.longer) if model)
+        self.max_travel = max(robot.max_foot_translation, farthest)
         self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
 
     # Search protocol -------------------------------------------------------------------------------------------
@@ -134,7 +138,10 @@ class ContactDomain:
 
     def distance_to_go(self, states: Sequence[State]) -> np.ndarray:
         """(n,) distance to the goal of the mean of the feet, as the chosen heuristic measures it [m]."""
-        mean, yaw = self._feet(states)
+        return self._distance(*self._feet(states))
+
+    def _distance(self, mean: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+        """(n,) distance to the goal from means of the feet (n, 3) [m] with headings (n,) [rad]."""
         straight = np.hypot(*(mean[:, :2] - self._goal_xy).T)
         climb = self.goal.height_off(mean[:, 2])
         if self._heuristic_name == "admissible":
@@ -277,12 +284,22 @@ class ContactDomain:
         key = (stand, mover)
         found = self._foot_moves.get(key)
         if found is None:
-            found = self._foot_moves[key] = self._project_feet(stand, mover)
+            found = self._project_feet(stand, mover, self._models[mover][0], self._limits)
+            if self._longer is not None and not self._leads_on(stand, found):
+                longer = self._project_feet(stand, mover, self._longer[mover], self._longer_limits)
+                found = np.union1d(found, longer)
+            self._foot_moves[key] = found
         return found
 
-    def _project_feet(self, stand: int, mover: int) -> np.ndarray:
-        """Numbers of the contacts that the transition model reaches from this standing foot, legs and torso allowing."""
-        steps, _ = self._models[mover]
+    def _leads_on(self, stand: int, numbers: np.ndarray) -> bool:
+        """Whether one of these steps of the other foot brings the feet on from where this one stands, or none has to."""
+        feet = np.append(stand, numbers)
+        mean = 0.5 * (self.pool.p[feet] + self.pool.p[stand])
+        here, *there = self._distance(mean, _mean_yaw(self.pool.yaw[feet], self.pool.yaw[stand])).tolist()
+        return not LEAST_WAY < here < np.inf or min(there, default=np.inf) <= here - LEAST_WAY
+
+    def _project_feet(self, stand: int, mover: int, steps: np.ndarray, limits: StepLimits) -> np.ndarray:
+        """Numbers of the contacts that these steps reach from a standing foot, legs and torso allowing."""
         p0, yaw0 = self.pool.p[stand].copy(), float(self.pool.yaw[stand])
         c, s = np.cos(yaw0), np.sin(yaw0)
         xy_yaw = np.column_stack(
@@ -295,7 +312,7 @@ class ContactDomain:
             (p0[2] - rise, p0[2] + rise),
             self._patches[mover],
             np.array([p0[0], p0[1], yaw0]),
-            self._limits,
+            limits,
         )
         fits = surface >= 0
         self.rejections["no foothold"] += int((~fits).sum())

@@ -42,13 +42,13 @@ class EverythingStands:
         return ""
 
 
-def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="grid", palms=True):
+def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="grid", palms=True, longer=None):
     scene = Scene("test", terrain, Start((0.0, 0.0, 0.0)), goal)
     packed = pack_terrain(terrain)
     check = EverythingStands(packed)
     stance = start_stance(scene, packed, ROBOT)
     check_goal(scene, packed, ROBOT)
-    options = PlannerOptions(heuristic=heuristic, use_palms=palms, model=model)
+    options = PlannerOptions(heuristic=heuristic, use_palms=palms, model=model, longer=longer)
     domain = ContactDomain(packed, ROBOT, goal, check, options, PlannerWeights())
     numbers = [-1 if c is None else check.pool.add_contact(c) for c in stance.contacts]
     return domain, (numbers[0], numbers[1], numbers[2], numbers[3], -1)
@@ -194,7 +194,7 @@ def random_surfaces(footholds: str, seed: int = 0):
 
 def test_snapped_steps_stay_within_what_the_transition_model_and_the_robot_allow() -> None:
     domain, start, options = random_surfaces("snapped")
-    pool, limits, seen = domain.pool, options.step_limits(ROBOT), 0
+    pool, limits, seen = domain.pool, options.step_limits(ROBOT, options.model), 0
     half_length, half_width = ROBOT.effectors[0].half_extent
     cell = np.sqrt(3) * POOL_CELL  # contacts nearer than this may share a number
     for seed in range(4):
@@ -246,3 +246,38 @@ def test_step_reach_bounds_every_step() -> None:
                 if after[4] < 2:
                     apart = domain.pool.p[after[0], :2] - domain.pool.p[after[1], :2]
                     assert np.hypot(*apart) <= reach + np.sqrt(3) * POOL_CELL
+
+
+def gap_of(width: float) -> Terrain:
+    far = [[0.4 + width, -0.6, 0], [2.4, -0.6, 0], [2.4, 0.6, 0], [0.4 + width, 0.6, 0]]
+    return Terrain(
+        (rectangle("near", [[-0.6, -0.6, 0], [0.4, -0.6, 0], [0.4, 0.6, 0], [-0.6, 0.6, 0]]), rectangle("far", far))
+    )
+
+
+def test_a_gap_wider_than_the_usual_steps_is_crossed_with_longer_ones() -> None:
+    usual, longer = transition_model(), transition_model("long_stride")
+    crossed = {}
+    for name, second in (("usual", None), ("longer", longer)):
+        domain, start = domain_on(gap_of(0.4), Goal((1.6, 0, 0)), usual, palms=False, longer=second)
+        search = AnaStar(domain, start, limits=Limits(expansions=150), alike=domain.alike, patience=1.0)
+        crossed[name] = next(search.run(), None)
+    assert crossed["usual"] is None
+    path = crossed["longer"].path
+    assert len(path) < 12
+    p = domain.pool.p
+    strides = [np.hypot(*(p[s[0]] - p[s[1]])[:2]) for s in path]
+    assert max(strides) >= 0.4 + 2 * ROBOT.effectors[0].half_extent[0] - 0.02
+
+
+def test_longer_steps_are_not_offered_where_usual_ones_lead_on() -> None:
+    usual, longer = transition_model(), transition_model("long_stride")
+    one, start = domain_on(Terrain((FLOOR,)), Goal((2.5, 0, 0)), usual, palms=False, longer=longer)
+    two, same = domain_on(Terrain((FLOOR,)), Goal((2.5, 0, 0)), usual, palms=False)
+    for _ in range(6):
+        ahead, costs = one.successors(start)
+        again, same_costs = two.successors(same)
+        assert list(ahead) == list(again)
+        assert np.array_equal(costs, same_costs)
+        best = int(np.argmin(one.heuristic(ahead)))
+        start, same = ahead[best], again[best]
