@@ -5,6 +5,7 @@ Each name is a module of this package with `run(options: BenchOptions)`, which r
 
 BENCHES = {
     "first": "time to the first contact sequence, rubble field and corridor, one thread",
+    "footholds": "first contact sequences where steps move to the nearest foothold, beside fixed steps",
     "scenes": "verdicts of the verifier for every named scene and the meshes of hpp-environments",
     "verifier": "how close motions come to the verifier's limits on momenta, accelerations and torques",
     "command": "whole command from process start to files written: time and memory",

@@ -163,7 +163,9 @@ class LabelWalk:
         packed = pack_terrain(environment.terrain)
         self.pool = ContactPool(packed)
         self.check = TransitionCheck(self.pool, robot, ik, packed, dynamics.options.cone)
-        asked = PlannerOptions(heuristic="euclidean", dynamics="exact", model=transition_model(environment.steps))
+        asked = PlannerOptions(
+            heuristic="euclidean", dynamics="exact", model=transition_model(environment.steps), footholds="fixed"
+        )
         self.domain = ContactDomain(packed, robot, environment.goal, self.check, asked, PlannerWeights())
         self.missing = np.full(NUM_CATEGORIES, options.quota)
         self._open: list[WalkState] = [self._first_state(environment, packed)]

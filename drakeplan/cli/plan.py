@@ -103,6 +103,9 @@ class Arguments:
         tyro.conf.arg(metavar="{experiments,training,planning,long_stride,leap_stride}", help_behavior_hint=""),
     ] = None
     """list of foot steps (default: the scene's, else experiments)"""
+    footholds: Literal["snapped", "fixed"] = "snapped"
+    """what becomes of a step or palm that does not fit where it would be set: moved to the nearest place where it does, or
+    dropped"""
     deadline: float = 30.0
     """time limit of the whole command, motion and verification included [s]; kernels that compile for the first time
     do not count"""
@@ -244,6 +247,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         expansions=arguments.expansions,
         use_palms=not arguments.no_palms,
         full_soles=arguments.full_soles,
+        footholds=arguments.footholds,
         stop=interrupted,
         used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
         keep=telling.keep,

@@ -24,14 +24,8 @@ from drakeplan.contact_planning.contact_pool import ContactPool, Rest
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from scenes.footholds.partial_support import WIGGLE, no_supports, rest_feet
-from scenes.footholds.projection import (
-    Placements,
-    boxes_are_free,
-    no_placements,
-    patch_shape,
-    project_feet,
-    project_palms,
-)
+from scenes.footholds.projection import Placements, boxes_are_free, patch_shape
+from scenes.footholds.snap import Footholds, Snap, StepLimits
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -45,6 +39,8 @@ ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder
 OFF_GRID = 2.0  # [m] added to the straight line where the grid knows no way: ways that it knows are tried before
 NEAR_WHOLE = 0.3  # [m] a foot rests on part of itself only where no candidate nearer than this rests whole
 DETOUR = 0.2  # [m] that the search rather goes round than to stand on part of a sole: whole ones carry more
+LEAST_WAY = 0.05  # [m] where no usual step brings the feet this much nearer to the goal, longer ones are tried
+PLACE = 0.1  # [m] means of the feet nearer than this are one place
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
 
 
@@ -80,6 +76,7 @@ class ContactDomain:
         options: PlannerOptions,
         weights: PlannerWeights,
         grid: TorsoGrid | None = None,
+        start_heading: float = 0.0,
     ) -> None:
         """Prepares the domain.
 
@@ -92,6 +89,7 @@ class ContactDomain:
                 the rest cannot carry the weight.
             weights: of the edge cost (Lin 2020 eq. 3.2).
             grid: of this terrain, robot and goal, where there is one already.
+            start_heading: of the feet at the start [rad]; snapped feet turn by multiples of 5 deg from it.
         """
         self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
         self.pool: ContactPool = check.pool
@@ -103,16 +101,22 @@ class ContactDomain:
         self.beyond_grid = False
         self.full_soles = False
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
+        self._longer = options.longer and [options.longer.mirrored(True)[0], options.longer.mirrored(False)[0]]
         self._heuristic_name = options.heuristic
-        self._palms = tuple(e - 2 for e in robot.palms) if options.use_palms else ()
+        usable = packed.allowed.any(axis=0)
+        self._palms = tuple(e - 2 for e in robot.palms if usable[e]) if options.use_palms else ()
         self._quasi_static = options.dynamics == "quasi-static"
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
         self._patches = [patch_shape(e) for e in robot.effectors]
+        self._footholds = Footholds(packed, start_heading, Snap() if options.footholds == "snapped" else None)
+        self._limits = options.step_limits(robot, options.model)
+        self._longer_limits = options.step_limits(robot, options.longer or options.model)
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         # A foot that translates by d moves the mean of the feet by d / 2.
-        self.max_travel = max(robot.max_foot_translation, float(np.abs(options.model.steps[:, 0]).max()))
+        farthest = max(float(np.abs(model.steps[:, 0]).max()) for model in (options.model, options.longer) if model)
+        self.max_travel = max(robot.max_foot_translation, farthest)
         self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
 
     # Search protocol -------------------------------------------------------------------------------------------
@@ -139,7 +143,13 @@ class ContactDomain:
 
     def distance_to_go(self, states: Sequence[State]) -> np.ndarray:
         """(n,) distance to the goal of the mean of the feet, as the chosen heuristic measures it [m]."""
-        mean, yaw = self._feet(states)
+        distance = self._distance(*self._feet(states))
+        if self.pool.supports and self._heuristic_name == "grid":
+            distance += DETOUR * self.pool.on_part[np.array([s[:2] for s in states])].sum(axis=1)
+        return distance
+
+    def _distance(self, mean: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+        """(n,) distance to the goal from means of the feet (n, 3) [m] with headings (n,) [rad]."""
         straight = np.hypot(*(mean[:, :2] - self._goal_xy).T)
         climb = self.goal.height_off(mean[:, 2])
         if self._heuristic_name == "admissible":
@@ -150,16 +160,22 @@ class ContactDomain:
         if self.beyond_grid:
             distance = np.where(np.isfinite(distance), distance, np.hypot(straight, climb) + OFF_GRID)
         # Inside the goal's cells the grid says zero: the straight line still leads to the region itself.
-        distance = np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
-        if self.pool.supports:
-            distance += DETOUR * self.pool.on_part[np.array([s[:2] for s in states])].sum(axis=1)
-        return distance
+        return np.maximum(distance, np.minimum(straight - self.goal.radius, 0.1).clip(0.0))
 
     def _feet(self, states: Sequence[State]) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) means of the feet [m] and (n,) their headings [rad]."""
         feet = np.array([s[:2] for s in states])
         mean = 0.5 * (self.pool.p[feet[:, 0]] + self.pool.p[feet[:, 1]])
         return mean, _mean_yaw(self.pool.yaw[feet[:, 0]], self.pool.yaw[feet[:, 1]])
+
+    def alike(self, state: State) -> tuple[int, ...]:
+        """What a state has in common with others about as good: the place of the feet's mean, and which palms are held.
+
+        Args:
+            state: its first four numbers are looked at.
+        """
+        mean = 0.5 * (self.pool.p[state[0], :2] + self.pool.p[state[1], :2]) / PLACE
+        return round(float(mean[0])), round(float(mean[1])), state[2] >= 0, state[3] >= 0
 
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region, on the goal's floor."""
@@ -276,21 +292,33 @@ class ContactDomain:
         key = (stand, mover)
         found = self._foot_moves.get(key)
         if found is None:
-            found = self._foot_moves[key] = self._project_feet(stand, mover)
+            found = self._project_feet(stand, mover, self._models[mover][0], self._limits)
+            if self._longer is not None and not self._leads_on(stand, found):
+                longer = self._project_feet(stand, mover, self._longer[mover], self._longer_limits)
+                found = np.union1d(found, longer)
+            self._foot_moves[key] = found
         return found
 
-    def _project_feet(self, stand: int, mover: int) -> np.ndarray:
-        """Numbers of the contacts that the transition model reaches from this standing foot, legs and torso allowing."""
-        steps, _ = self._models[mover]
+    def _leads_on(self, stand: int, numbers: np.ndarray) -> bool:
+        """Whether one of these steps of the other foot brings the feet on from where this one stands, or none has to."""
+        feet = np.append(stand, numbers)
+        mean = 0.5 * (self.pool.p[feet] + self.pool.p[stand])
+        here, *there = self._distance(mean, _mean_yaw(self.pool.yaw[feet], self.pool.yaw[stand])).tolist()
+        return not LEAST_WAY < here < np.inf or min(there, default=np.inf) <= here - LEAST_WAY
+
+    def _project_feet(self, stand: int, mover: int, steps: np.ndarray, limits: StepLimits) -> np.ndarray:
+        """Numbers of the contacts that these steps reach from a standing foot, legs and torso allowing."""
         p0, yaw0 = self.pool.p[stand].copy(), float(self.pool.yaw[stand])
         c, s = np.cos(yaw0), np.sin(yaw0)
         xy_yaw = np.column_stack(
             [p0[0] + c * steps[:, 0] - s * steps[:, 1], p0[1] + s * steps[:, 0] + c * steps[:, 1], yaw0 + steps[:, 2]]
         )
-        p, R, surface = placed = no_placements(len(xy_yaw))
         rise = self.robot.max_step_height
-        project_feet(self.packed, mover, xy_yaw, (p0[2] - rise, p0[2] + rise), self._patches[mover], placed)
-        supports = self._rest_on_parts(mover, xy_yaw, (p0[2] - rise, p0[2] + rise), placed)
+        z_range = (p0[2] - rise, p0[2] + rise)
+        standing = np.array([p0[0], p0[1], yaw0])
+        placed = self._footholds.place_feet(mover, xy_yaw, z_range, self._patches[mover], standing, limits)
+        supports = self._rest_on_parts(mover, xy_yaw, z_range, placed)
+        p, R, surface = placed
         fits = surface >= 0
         self.rejections["no foothold"] += int((~fits).sum())
         mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)
@@ -349,10 +377,9 @@ class ContactDomain:
         shoulder = self._shoulders(mean[None], np.array([yaw]), side)[0]
         c, s = np.cos(yaw), np.sin(yaw)
         rays_W = np.ascontiguousarray(rays @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
-        p, R, surface = placed = no_placements(len(rays_W))
         low, high = self.robot.arm_reach
         palm = self._patches[2 + side]
-        project_palms(self.packed, 2 + side, shoulder, rays_W, yaw, (low, ARM_SLACK * high), palm, placed)
+        p, R, surface = self._footholds.place_palms(2 + side, shoulder, rays_W, yaw, (low, ARM_SLACK * high), palm)
         keep = surface >= 0
         return np.unique(self.pool.add(2 + side, p[keep], R[keep], np.full(int(keep.sum()), 0.0), surface[keep]))
 

@@ -9,11 +9,15 @@ from typing import Literal
 import numpy as np
 
 from drakeplan.timing.step_timing import Timing
+from scenes.footholds.snap import StepLimits, step_limits
+from scenes.robots.robot import Robot
 from scenes.stance import Stance, changed_effector
 from scenes.transition_model import TransitionModel, transition_model
 
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "euclidean", "admissible"]
+FootholdsName = Literal["snapped", "fixed"]
+BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,9 @@ class PlannerOptions:
             centroidal program ("exact"), or for the networks that learned it ("learned").
         timing: of every transition.
         model: the next contacts to choose from.
+        longer: longer steps, tried only where those of the model lead no farther.
+        footholds: whether a step or a palm ray that finds no foothold moves to the nearest one ("snapped"), or is lost
+            ("fixed", as in Lin 2020).
     """
 
     seed: int = 0
@@ -36,6 +43,26 @@ class PlannerOptions:
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
     model: TransitionModel = field(default_factory=transition_model)
+    longer: TransitionModel | None = None
+    footholds: FootholdsName = "snapped"
+
+    def step_limits(self, robot: Robot, model: TransitionModel) -> StepLimits:
+        """Bounds of the steps that a foot may make: snapped ones may go a little beyond those of a model.
+
+        Args:
+            robot: whose sole it is.
+            model: one of these options.
+        """
+        beyond = BEYOND if self.footholds == "snapped" else 0.0
+        return step_limits(model.steps, robot.effectors[0].half_extent, beyond)
+
+    def step_reach(self, robot: Robot) -> float:
+        """How far apart a step sets the feet at most, in the plan view [m]."""
+        models = [model for model in (self.model, self.longer) if model is not None]
+        if self.footholds == "fixed":
+            return max(float(np.hypot(*model.steps[:, :2].T).max()) for model in models)
+        limits = [self.step_limits(robot, model) for model in models]
+        return max(float(np.hypot(max(np.abs(of.x)), of.outer)) for of in limits)
 
 
 @dataclass(frozen=True)

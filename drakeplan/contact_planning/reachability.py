@@ -22,7 +22,6 @@ from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.terrain.solids import solid_at, solid_columns
 from scenes.terrain.terrain import Terrain
-from scenes.transition_model import TransitionModel
 
 MOST_SURFACES = 20_000  # more take seconds: then nothing is proved
 SLACK = 1e-3  # [m] rounding
@@ -34,7 +33,7 @@ MOST_CELLS = 500_000  # more take seconds
 def unreachable(
     terrain: Terrain,
     robot: Robot,
-    model: TransitionModel,
+    reach: float,
     start: Stance,
     goal: Goal,
     full_soles: bool = True,
@@ -45,7 +44,7 @@ def unreachable(
     Args:
         terrain: its surfaces.
         robot: gives the greatest height of a step.
-        model: gives the reach of a step.
+        reach: how far apart a step sets the feet at most, in the plan view [m].
         start: the first stance.
         goal: region and floor.
         full_soles: whether the middle of every sole is over its surface; else a part of the sole is.
@@ -57,7 +56,7 @@ def unreachable(
     on = [c.surface for c in start.contacts[:2] if c]
     small = _too_small(terrain, packed, robot, feet) if full_soles and packed is not None else []
     feet = [k for k in feet if k in on or k not in small]
-    reach, rise = float(np.hypot(*model.steps[:, :2].T).max()), robot.max_step_height
+    rise = robot.max_step_height
     if not full_soles:
         reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
     plans, heights = _plans(terrain, feet)
@@ -110,7 +109,7 @@ def walled_off(
     terrain: Terrain,
     packed: PackedTerrain,
     robot: Robot,
-    model: TransitionModel,
+    reach: float,
     start: Stance,
     goal: Goal,
     full_soles: bool = True,
@@ -121,7 +120,7 @@ def walled_off(
         terrain: its surfaces and obstacles.
         packed: the same, packed.
         robot: gives the length of the legs.
-        model: gives the reach of a step.
+        reach: how far apart a step sets the feet at most, in the plan view [m].
         start: the first stance.
         goal: region and floor.
         full_soles: as for `unreachable`.
@@ -131,7 +130,6 @@ def walled_off(
         return ""
     leg, cell = robot.leg_reach[1], min(CELL, float(abs(robot.hip[1])))
     plans, heights = _plans(terrain, feet)
-    reach = float(np.hypot(*model.steps[:, :2].T).max())
     if not full_soles:
         reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
     on = [feet.index(c.surface) for c in start.contacts[:2] if c]

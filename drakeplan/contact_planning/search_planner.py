@@ -28,6 +28,7 @@ from scenes.footholds.goal_footholds import nobody_fits
 from scenes.footholds.start_stance import standing_com
 from scenes.stance import Stance
 
+PATIENCE = 1.0  # what each state that is expanded adds to the heuristic of those like it: about that of 10 cm
 LIMIT_REACHED = {"deadline": "deadline", "cancelled": "cancelled", "expansions": "expansion budget spent"}
 
 
@@ -85,7 +86,14 @@ class SearchPlanner:
         self._pool = ContactPool(context.packed)
         self.check = TransitionCheck(self._pool, context.robot, context.ik, context.packed, context.cone)
         self.domain = ContactDomain(
-            context.packed, context.robot, context.goal, self.check, options, self.settings.weights, context.torso_grid
+            context.packed,
+            context.robot,
+            context.goal,
+            self.check,
+            options,
+            self.settings.weights,
+            context.torso_grid,
+            start.contacts[0].heading if start.contacts[0] else 0.0,
         )
         self.domain.full_soles = context.full_soles
         held = tuple(-1 if c is None else self._pool.add_contact(c) for c in start.contacts)
@@ -152,17 +160,16 @@ class SearchPlanner:
     def goal_unreachable(self) -> str:
         """Why nobody can stand at the goal, no steps lead there or solids are in between; "" where none is proved."""
         if self._unreachable is None:
-            context, model = self.context, self.options.model
+            context, reach = self.context, self.options.step_reach(self.context.robot)
             terrain, robot, goal = context.scene.terrain, context.robot, context.goal
-            apart = float(np.hypot(*model.steps[:, :2].T).max())
             full = context.full_soles
-            nobody = nobody_fits(terrain, context.packed, robot, goal, apart, full)
+            nobody = nobody_fits(terrain, context.packed, robot, goal, reach, full)
             self._unreachable = f"goal unreachable: {nobody}" if nobody else ""
             self._unreachable = self._unreachable or unreachable(
-                terrain, robot, model, context.start, goal, full, context.packed
+                terrain, robot, reach, context.start, goal, full, context.packed
             )
             if not self._unreachable and not np.isfinite(self._start_distance()):
-                self._unreachable = walled_off(terrain, context.packed, robot, model, context.start, goal, full)
+                self._unreachable = walled_off(terrain, context.packed, robot, reach, context.start, goal, full)
         return self._unreachable
 
     def _run(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:
@@ -172,6 +179,8 @@ class SearchPlanner:
             domain, self._start_state, self.settings.epsilon, self.options.seed, limits, expansions, clock=clock
         )
         self.search.heuristic_weight = self._heuristic_weight
+        if self.options.footholds == "snapped":  # many footholds differ by little
+            self.search.alike, self.search.patience = self.domain.alike, PATIENCE
         for found in self.search.run():
             stances = tuple(self._stance(s) for s in found.path)
             bound = found.bound if self.options.heuristic == "admissible" else None

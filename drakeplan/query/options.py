@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from drakeplan.contact_planning.contact_plan import DynamicsName, HeuristicName
+from drakeplan.contact_planning.contact_plan import DynamicsName, FootholdsName, HeuristicName
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
@@ -46,6 +46,8 @@ class PlanOptions:
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         use_palms: whether palms may be used.
         full_soles: whether all of every sole has to rest on something; else a part of it may.
+        footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
+            Lin 2020.
         stop: polled; True ends the query, which then returns the best contacts so far.
         used: seconds of the deadline that were used before the call.
         keep: called with contacts, before their motion is made: what is left of the query should its process be killed.
@@ -68,6 +70,7 @@ class PlanOptions:
     transition_model: str | None = None
     use_palms: bool = True
     full_soles: bool = False
+    footholds: FootholdsName = "snapped"
     deadline: float = 30.0
     improve: float = 1.0
     expansions: int | None = None
@@ -124,6 +127,8 @@ def check_options(options: PlanOptions) -> None:
     entry = planner_entry(options.planner)
     if options.dynamics not in (None, *get_args(DynamicsName)):
         raise unknown_name("dynamics", options.dynamics, get_args(DynamicsName))
+    if options.footholds not in get_args(FootholdsName):
+        raise unknown_name("footholds", options.footholds, get_args(FootholdsName))
     if not entry.judges_transitions and options.dynamics not in (None, "quasi-static"):
         able = " or ".join(name for name, other in PLANNERS.items() if other.judges_transitions)
         raise InputError(f"--dynamics {options.dynamics} needs --planner {able}, got --planner {options.planner}")

@@ -124,13 +124,16 @@ def _attempt(
 
 def _planner_options(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> PlannerOptions:
     """What is asked of the planner of contacts."""
+    named = options.transition_model or context.scene.transition_model
     return PlannerOptions(
         seed=options.seed,
         use_palms=options.use_palms,
         heuristic=options.heuristic,
         dynamics=dynamics,
         timing=options.timing,
-        model=transition_model(options.transition_model or context.scene.transition_model or "experiments"),
+        footholds=options.footholds,
+        model=transition_model(named or "experiments"),
+        longer=None if named or options.footholds == "fixed" else transition_model("long_stride"),
     )
 
 

@@ -14,7 +14,7 @@ import time
 from functools import cached_property
 
 from drakeplan.contact_planning.contact_plan import ContactPlan
-from drakeplan.contact_planning.planner import ContactPlanner
+from drakeplan.contact_planning.planner import ContactPlanner, planner_entry
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics
 from drakeplan.context import QueryContext
 from drakeplan.deadline import OutOfTimeError
@@ -250,6 +250,7 @@ class Query:
             "planner": self.options.planner,
             "dynamics": self.record.dynamics,
             "full_soles": self.options.full_soles,
+            "footholds": self.options.footholds if planner_entry(self.options.planner).judges_transitions else "",
             "limits_fired": list(self.record.limits_fired),
             "expansions": self.record.expansions,
             "cost": self.record.cost,

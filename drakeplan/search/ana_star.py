@@ -111,6 +111,7 @@ class _Node(Generic[State]):
     open: bool = True
     confirmed: bool = False
     charged: bool = False  # whether the late cost is in g
+    wait: float = 0.0  # added to h where many states like this one were expanded
 
 
 @dataclass
@@ -130,6 +131,9 @@ class AnaStar(Generic[State]):
         clock: seconds; a caller that works between two paths may pass one that it can stop.
         heuristic_weight: weight of the heuristic against the cost so far until there is a first path; by default that cost does
             not count, as if G were infinite.
+        alike: what states have in common that are about as good as each other, None: nothing.
+        patience: until there is a first path, each state that is expanded makes those like it wait: this much is added
+            to their heuristic. Else a dead end of many states that differ by little is searched to its last corner.
     """
 
     domain: Domain[State]
@@ -143,6 +147,8 @@ class AnaStar(Generic[State]):
     best_cost: float = np.inf
     clock: Callable[[], float] = time.perf_counter
     heuristic_weight: float = np.inf
+    alike: Callable[[State], Hashable] | None = None
+    patience: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.epsilon < 1:
@@ -150,6 +156,7 @@ class AnaStar(Generic[State]):
         if not self.heuristic_weight > 0:
             raise ValueError(f"heuristic_weight must be > 0, got {self.heuristic_weight}")
         self._charges = isinstance(self.domain, LateCosts)
+        self._expanded: dict[Hashable, int] = {}  # how many states of each kind
         self._rng = np.random.default_rng(self.seed)
         self._heap: list[tuple[float, int, _Node[State]]] = []
         self._counter = 0
@@ -223,8 +230,22 @@ class AnaStar(Generic[State]):
         node.charged = True
         return self._late[node.state] > 0
 
+    def _waits(self, node: _Node[State]) -> bool:
+        """Puts a node back into OPEN where states like it were expanded since it got there; whether it did."""
+        if self.alike is None or np.isfinite(self.best_cost):
+            return False
+        wait = self.patience * self._expanded.get(self.alike(node.state), 0)
+        if wait <= node.wait:
+            return False
+        node.wait, node.open = wait, True
+        self._push(node)
+        return True
+
     def _expand(self, node: _Node[State]) -> None:
         self.expansions += 1
+        if self.alike is not None:
+            kind = self.alike(node.state)
+            self._expanded[kind] = self._expanded.get(kind, 0) + 1
         states, costs = self.domain.successors(node.state)
         if not len(states):
             return
@@ -277,11 +298,14 @@ class AnaStar(Generic[State]):
             node = heapq.heappop(self._heap)[2]
             if node.open:
                 node.open = False
-                return node
+                if not self._waits(node):
+                    return node
         return None
 
     def _key(self, node: _Node[State]) -> float:
-        return -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.g / self.heuristic_weight
+        return (
+            -self._ratio(node) if np.isfinite(self.best_cost) else node.h + node.wait + node.g / self.heuristic_weight
+        )
 
     def _ratio(self, node: _Node[State]) -> float:
         """e(s); infinite where h says that the goal is at hand."""

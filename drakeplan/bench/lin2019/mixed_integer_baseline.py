@@ -130,7 +130,9 @@ def whole_plans(
 def _first(robot: Robot, ik: WholeBodyIK, name: str, seed: int) -> Case:
     scene = load_scene(SCENE, seed=seed)
     context = QueryContext(scene, robot, ik, full_soles=True)
-    options = PlannerOptions(seed=seed, model=transition_model(scene.transition_model or "experiments"))
+    options = PlannerOptions(
+        seed=seed, model=transition_model(scene.transition_model or "experiments"), footholds="fixed"
+    )
     planner = ProgramPlanner(context, name, options)
     plans = list(planner.plans(Limits(deadline=DEADLINE, improve=0.0)))
     solver = next((note.solver for note in reversed(planner.notes) if note.solver), "")

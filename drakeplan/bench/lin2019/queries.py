@@ -95,7 +95,7 @@ def planner_options(planner: str, seed: int, robot: Robot) -> tuple[PlannerOptio
         seed: of the search.
         robot: whose weights are used.
     """
-    options = PlannerOptions(seed=seed, dynamics="exact")
+    options = PlannerOptions(seed=seed, dynamics="exact", footholds="fixed")
     if planner == QUASI_STATIC:
         return replace(options, dynamics="quasi-static"), SearchSettings()
     if planner in (LEARNED, RAW):

@@ -10,8 +10,10 @@ import pytest
 
 from drakeplan.contact_planning.contact_domain import TORSO_SWAY, ContactDomain, PlannerWeights, State
 from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.contact_pool import CELL as POOL_CELL
 from drakeplan.contact_planning.contact_pool import ContactPool
-from drakeplan.search.ana_star import AnaStar
+from drakeplan.search.ana_star import AnaStar, Limits
+from scenes.files.scene_source import load_scene
 from scenes.footholds.start_stance import check_goal, start_stance
 from scenes.pose import rpy_rotation
 from scenes.robots.robot import load_robot
@@ -40,13 +42,13 @@ class EverythingStands:
         return ""
 
 
-def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="grid", palms=True):
+def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="grid", palms=True, longer=None):
     scene = Scene("test", terrain, Start((0.0, 0.0, 0.0)), goal)
     packed = pack_terrain(terrain)
     check = EverythingStands(packed)
     stance = start_stance(scene, packed, ROBOT)
     check_goal(scene, packed, ROBOT)
-    options = PlannerOptions(heuristic=heuristic, use_palms=palms, model=model)
+    options = PlannerOptions(heuristic=heuristic, use_palms=palms, model=model, longer=longer)
     domain = ContactDomain(packed, ROBOT, goal, check, options, PlannerWeights())
     numbers = [-1 if c is None else check.pool.add_contact(c) for c in stance.contacts]
     return domain, (numbers[0], numbers[1], numbers[2], numbers[3], -1)
@@ -178,3 +180,104 @@ def test_a_held_palm_stays_within_reach_of_its_shoulder_over_the_feet() -> None:
                     distance = np.linalg.norm(domain.pool.p[state[2 + side]] - shoulder)
                     assert distance <= ROBOT.arm_reach[1] + TORSO_SWAY + 1e-9
     assert held > 100
+
+
+def random_surfaces(footholds: str, seed: int = 0):
+    scene = load_scene("random_surfaces", seed=seed)
+    packed = pack_terrain(scene.terrain)
+    check = EverythingStands(packed)
+    options = PlannerOptions(footholds=footholds, dynamics="exact")
+    domain = ContactDomain(packed, ROBOT, check_goal(scene, packed, ROBOT), check, options, PlannerWeights())
+    numbers = [-1 if c is None else check.pool.add_contact(c) for c in start_stance(scene, packed, ROBOT).contacts]
+    return domain, (*numbers, -1), options
+
+
+def test_snapped_steps_stay_within_what_the_transition_model_and_the_robot_allow() -> None:
+    domain, start, options = random_surfaces("snapped")
+    pool, limits, seen = domain.pool, options.step_limits(ROBOT, options.model), 0
+    half_length, half_width = ROBOT.effectors[0].half_extent
+    cell = np.sqrt(3) * POOL_CELL  # contacts nearer than this may share a number
+    for seed in range(4):
+        for before, after in itertools.pairwise(walk(domain, start, 12, seed)):
+            mover = after[4]
+            if mover > 1:
+                continue
+            new, stand = after[mover], after[1 - mover]
+            assert np.linalg.norm(pool.p[new] - pool.p[before[mover]]) <= domain.max_travel + 1e-9
+            c, s = np.cos(pool.yaw[stand]), np.sin(pool.yaw[stand])
+            x, y = np.array([[c, s], [-s, c]]) @ (pool.p[new] - pool.p[stand])[:2]
+            sign = 1.0 if mover == 0 else -1.0
+            turn = sign * ((pool.yaw[new] - pool.yaw[stand] + np.pi) % (2 * np.pi) - np.pi)
+            slack = np.deg2rad(5.1)
+            assert limits.x[0] - cell <= x <= limits.x[1] + cell
+            assert limits.yaw[0] - slack <= turn <= limits.yaw[1] + slack
+            inner = sign * y - half_length * abs(np.sin(turn)) - half_width * np.cos(turn)
+            assert inner >= limits.inner - cell - half_length * np.sin(slack)
+            assert sign * y <= limits.outer + cell
+            seen += 1
+    assert seen > 20
+
+
+def test_snapped_steps_cross_ground_where_fixed_ones_find_nothing() -> None:
+    crossed = {"snapped": 0, "fixed": 0}
+    for footholds in crossed:
+        for seed in (1, 3, 4):
+            domain, start, _ = random_surfaces(footholds, seed)
+            search = AnaStar(domain, start, limits=Limits(expansions=200), alike=domain.alike, patience=1.0)
+            crossed[footholds] += next(search.run(), None) is not None
+    assert crossed["snapped"] == 3
+    assert crossed["fixed"] < 3
+
+
+def test_no_move_is_offered_twice() -> None:
+    domain, start, _ = random_surfaces("snapped")
+    for seed in range(3):
+        for state in walk(domain, start, 8, seed):
+            following, _ = domain.successors(state)
+            assert len(set(following)) == len(following)
+
+
+def test_step_reach_bounds_every_step() -> None:
+    for footholds in ("snapped", "fixed"):
+        domain, start, options = random_surfaces(footholds)
+        reach = options.step_reach(ROBOT)
+        for state in walk(domain, start, 10, 0):
+            for after in domain.successors(state)[0]:
+                if after[4] < 2:
+                    apart = domain.pool.p[after[0], :2] - domain.pool.p[after[1], :2]
+                    assert np.hypot(*apart) <= reach + np.sqrt(3) * POOL_CELL
+
+
+def gap_of(width: float) -> Terrain:
+    far = [[0.4 + width, -0.6, 0], [2.4, -0.6, 0], [2.4, 0.6, 0], [0.4 + width, 0.6, 0]]
+    return Terrain(
+        (rectangle("near", [[-0.6, -0.6, 0], [0.4, -0.6, 0], [0.4, 0.6, 0], [-0.6, 0.6, 0]]), rectangle("far", far))
+    )
+
+
+def test_a_gap_wider_than_the_usual_steps_is_crossed_with_longer_ones() -> None:
+    usual, longer = transition_model(), transition_model("long_stride")
+    crossed = {}
+    for name, second in (("usual", None), ("longer", longer)):
+        domain, start = domain_on(gap_of(0.4), Goal((1.6, 0, 0)), usual, palms=False, longer=second)
+        search = AnaStar(domain, start, limits=Limits(expansions=150), alike=domain.alike, patience=1.0)
+        crossed[name] = next(search.run(), None)
+    assert crossed["usual"] is None
+    path = crossed["longer"].path
+    assert len(path) < 12
+    p = domain.pool.p
+    strides = [np.hypot(*(p[s[0]] - p[s[1]])[:2]) for s in path]
+    assert max(strides) >= 0.4 + 2 * ROBOT.effectors[0].half_extent[0] - 0.02
+
+
+def test_longer_steps_are_not_offered_where_usual_ones_lead_on() -> None:
+    usual, longer = transition_model(), transition_model("long_stride")
+    one, start = domain_on(Terrain((FLOOR,)), Goal((2.5, 0, 0)), usual, palms=False, longer=longer)
+    two, same = domain_on(Terrain((FLOOR,)), Goal((2.5, 0, 0)), usual, palms=False)
+    for _ in range(6):
+        ahead, costs = one.successors(start)
+        again, same_costs = two.successors(same)
+        assert list(ahead) == list(again)
+        assert np.array_equal(costs, same_costs)
+        best = int(np.argmin(one.heuristic(ahead)))
+        start, same = ahead[best], again[best]

@@ -32,7 +32,7 @@ def proofs(terrain: Terrain, goal: tuple[float, float, float]) -> tuple[str, str
     scene, packed = Scene("s", terrain, Start((0.0, 0.0, 0.0)), Goal(goal)), pack_terrain(terrain)
     start = start_stance(scene, packed, ROBOT)
     taken = check_goal(scene, packed, ROBOT, 0.0)
-    return unreachable(terrain, ROBOT, MODEL, start, taken), walled_off(terrain, packed, ROBOT, MODEL, start, taken)
+    return unreachable(terrain, ROBOT, REACH, start, taken), walled_off(terrain, packed, ROBOT, REACH, start, taken)
 
 
 @pytest.mark.parametrize("gap", [0.1, REACH - 0.01, REACH + 0.01, 0.75, 2.0])
@@ -59,10 +59,10 @@ def test_stones_that_take_no_whole_sole_join_nothing_where_soles_have_to_be_whol
         terrain = Terrain((slab("near", (-1, 1.1)), stone, slab("far", (1.9, 4))))
         scene, packed = Scene("s", terrain, Start((0.0, 0.0, 0.0)), Goal((3.0, 0.0, 0.0))), pack_terrain(terrain)
         start, goal = start_stance(scene, packed, ROBOT), check_goal(scene, packed, ROBOT, 0.0)
-        whole = unreachable(terrain, ROBOT, MODEL, start, goal, full_soles=True, packed=packed)
+        whole = unreachable(terrain, ROBOT, REACH, start, goal, full_soles=True, packed=packed)
         assert (not whole) == joined
         assert joined or "'stone' takes no whole sole of 22 x 10 cm" in whole
-        assert not unreachable(terrain, ROBOT, MODEL, start, goal, full_soles=False, packed=packed)
+        assert not unreachable(terrain, ROBOT, REACH, start, goal, full_soles=False, packed=packed)
 
 
 def test_stepping_stones_join_what_is_too_far_apart() -> None:
