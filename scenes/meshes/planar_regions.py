@@ -43,23 +43,23 @@ class Region:
         return self.origin + corners @ self.axes[:2]
 
 
-def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) -> Iterator[Region]:
+def planar_regions(bodies: Bodies, *, min_width: float, max_tilt: float) -> Iterator[Region]:
     """The flat regions of a mesh that are wide enough and do not face down too much, their buried parts cut away.
 
     Faces belong together when they lie in one plane (`OFF_PLANE`, `OFF_NORMAL`) and touch; that they share no edge in
     the file, overlap, or come from two blocks side by side makes no difference.
 
     Args:
-        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        bodies: of the mesh, counter-clockwise from outside, no triangle degenerate.
         min_width: regions in which no disc of this diameter fits are left out [m].
         max_tilt: regions whose normal is farther from the vertical are left out [rad].
     """
+    triangles = bodies.triangles
     doubled = area_vectors(triangles)
     area = np.linalg.norm(doubled, axis=1) / 2
     normals = doubled / (2 * area[:, None])
     wanted = normals[:, 2] >= np.cos(max_tilt) - 1e-9
     least = np.pi / 4 * min_width**2
-    bodies = Bodies(triangles)
     for members, origin, normal in _coplanar_groups(triangles, normals, area, wanted):
         if area[members].sum() < least:
             continue
