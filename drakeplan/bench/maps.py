@@ -97,7 +97,12 @@ def _surface(path: Path, size: float) -> int:
 
 
 def _box(path: Path, size: float) -> int:
-    box = {"name": "ground", "box": [size, size, 0.2], "pose": {"xyz": [0.0, 0.0, -0.1]}, "contact": True}
+    box = {
+        "name": "ground",
+        "box": [size, size, 0.2],
+        "pose": {"xyz": [0.0, 0.0, -0.1]},
+        "contact": ["left_foot", "right_foot"],
+    }
     return _scene(path, {"obstacles": [box]})
 
 
