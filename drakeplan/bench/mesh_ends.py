@@ -13,7 +13,7 @@ from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.terrain import Terrain
 
-MOST_PLACES = 1500  # looked at, on a square pattern
+MOST_PLACES = 600  # looked at, on a square pattern
 FINEST = 0.1  # [m] the pattern's spacing at least
 ACROSS = 0.9  # [m] places that are no further apart may be joined by steps of some robot
 RISE = 0.5  # [m] and no higher or lower than this

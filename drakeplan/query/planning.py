@@ -13,7 +13,7 @@ from drakeplan.context import QueryContext
 from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
-from drakeplan.query.obstacle import find_obstacle
+from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
 from drakeplan.query.options import PlanOptions, check_options, with_options
 from drakeplan.query.query import Query
 from drakeplan.query.record import QueryRecord
@@ -79,6 +79,12 @@ def plan_scene(
     for note in record.notes:
         tell(ProgressEvent("load", note))
     tell(ProgressEvent("search", elapsed=0.0))
+    if planner_entry(options.planner).judges_transitions:
+        proved = proved_obstacle(context, _planner_options(context, options, dynamics))
+        if proved is not None:
+            reason = f"goal unreachable: {proved.text}"
+            report = {**record.as_dict("none", reason, None), "obstacle": proved.as_dict()}
+            return PlanResult("none", reason, None, report, notes=tuple(record.notes))
     result = _feet_first(context, options, dynamics, record, tell)
     if result is None:
         result = _attempt(context, options, dynamics, record, tell)
@@ -225,6 +231,10 @@ def _with_obstacle(
 ) -> PlanResult:
     """The result with what stands in the way, where no contacts were found and there is time to find that out."""
     seconds = min(context.deadline.left(), MOST_RESERVE)
+    if result.status == "contacts" and result.refusal is not None:
+        found = refused_motion(result.refusal)
+        report = result.report if found is None else {**result.report, "obstacle": found.as_dict()}
+        return dataclasses.replace(result, report=report)
     if result.status != "none" or result.refusal is not None or not reserve(options):
         return result
     if context.deadline.why() or seconds < LEAST_RESERVE:
