@@ -40,6 +40,16 @@ class QueryContext:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
 
+    def until(self, deadline: Deadline) -> QueryContext:
+        """The same context with another deadline; what was computed once serves both.
+
+        Args:
+            deadline: the other one.
+        """
+        other = replace(self, deadline=deadline)
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name != "deadline"})
+        return other
+
     @cached_property
     def packed(self) -> PackedTerrain:
         """The terrain as arrays for compiled code."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from numba.core import event
 
@@ -60,6 +60,16 @@ class Deadline:
     def start(self) -> None:
         """Starts the clock."""
         self._began, self._compiled = time.perf_counter(), compile_clock.seconds()
+
+    def part(self, share: float) -> Deadline:
+        """A deadline after this share of what is left; it is stopped as this one is.
+
+        Args:
+            share: between 0 and 1.
+        """
+        if self.seconds is None:
+            return self
+        return replace(self, seconds=self.seconds - (1.0 - share) * self.left())
 
     def left(self) -> float:
         """Seconds that remain, 0 when the time is over; inf without a limit."""

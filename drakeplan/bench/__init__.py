@@ -10,6 +10,7 @@ BENCHES = {
     "verifier": "how close motions come to the verifier's limits on momenta, accelerations and torques",
     "command": "whole command from process start to files written: time and memory",
     "maps": "large floors and fine maps: time and memory of planning and verifying",
+    "meshes": "every mesh of hpp-environments, one start and goal each: status, reason, time, memory",
     "scale": "growth with the number of surfaces and with the distance",
     "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
     "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",

@@ -427,4 +427,8 @@ def _explanation(arguments: Arguments, result: PlanResult) -> list[str]:
         return []
     if result.explanation is not None:
         return result.explanation.lines()
+    obstacle = result.report.get("obstacle")
+    if isinstance(obstacle, dict):
+        tried = [f"  tried {change}: {ended}" for change, ended in obstacle["tested"].items()]
+        return [f"what stands in the way ({obstacle['kind']}): {obstacle['text']}", *tried]
     return ["--explain: no contact sequence with infeasible dynamics was found, so there is nothing to explain"]

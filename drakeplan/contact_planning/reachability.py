@@ -159,6 +159,26 @@ def walled_off(
     return f"goal unreachable: {between} is between it and the start, and leaves no way for the pelvis"
 
 
+def surfaces_in_reach(
+    terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal, feet: list[int], stretch: float
+) -> bool:
+    """Whether chains of steps over some surfaces alone may lead from the start to the goal.
+
+    Args:
+        terrain: has the surfaces.
+        robot: gives the greatest height of a step.
+        model: gives the reach of a step.
+        start: the first stance; its surfaces are among those.
+        goal: region and floor.
+        feet: numbers of the surfaces that may be used.
+        stretch: strides that a step between two of them may be long and high.
+    """
+    reach, rise = stretch * float(np.hypot(*model.steps[:, :2].T).max()), stretch * robot.max_step_height
+    plans, heights = _plans(terrain, feet)
+    reached = _connected(plans, heights, reach, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
+    return bool((reached & _at_goal(plans, heights, goal, reach / stretch, rise / stretch)).any())
+
+
 def _plans(terrain: Terrain, feet: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """(n,) outlines of surfaces in the plan view and (n, 2) their least and greatest heights [m]."""
     vertices = [terrain.surfaces[k].vertices for k in feet]

@@ -15,11 +15,15 @@ import shapely
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
+from drakeplan.query.friction_proof import too_slippery
+from drakeplan.query.refusal import Refusal
 from drakeplan.query.relaxations import Relaxation, needed_friction, relaxations, with_terrain
 from drakeplan.search.ana_star import Limits
 from scenes.contact import Contact
+from scenes.effector import EFFECTORS
 from scenes.stance import changed_effector
 from scenes.terrain.solids import solid_at
+from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Terrain
 
 RUNG_TIME = 1.0  # [s] at most for one relaxation
@@ -33,7 +37,8 @@ class Obstacle:
     """What stands in the way.
 
     Attributes:
-        kind: "friction", "stride", "sole", "collision", "search" (palms or dynamics hindered) or "unknown".
+        kind: "friction", "stride", "sole", "collision", "search" (palms or dynamics hindered), "motion" (of contacts that
+            were found) or "unknown".
         obstacle: name of the surface or obstacle, "" where none can be named.
         place: (x, y, z) in W [m]; where nothing helped, the mean of the feet that came nearest to the goal; or None.
         limit: numbers, each key ends with its unit.
@@ -85,6 +90,38 @@ def find_obstacle(context: QueryContext, options: PlannerOptions, seconds: float
     text += f"; the feet came nearest to the goal at {_at(place)}, {distance:.2f} m from it"
     text += f"; most candidates were rejected by: {blocked}" if blocked else ""
     return Obstacle("unknown", "", place, {"distance_m": distance}, "", tested, text)
+
+
+def proved_obstacle(context: QueryContext, options: PlannerOptions) -> Obstacle | None:
+    """What is proved to close every way before any search; None where nothing is.
+
+    Args:
+        context: of the query.
+        options: of its search.
+    """
+    surface = too_slippery(context, options)
+    if surface is None:
+        return None
+    limit, what = _friction_text(surface)
+    tested = {"chains of steps that leave out what holds no foot": "unreachable"}
+    text = f"{what}, and every way to the goal leads over such ground"
+    return Obstacle("friction", surface.name, _tuple(surface.centroid), limit, "", tested, text)
+
+
+def refused_motion(refusal: Refusal) -> Obstacle | None:
+    """Where contacts were found but their motion was refused: the first transition at fault; None where none is known.
+
+    Args:
+        refusal: of the last contact sequence.
+    """
+    at = refusal.transitions()
+    if not at:
+        return None
+    stances = refusal.sequence.stances
+    place = _tuple(stances[at[0] + 1].feet_mean())
+    mover = EFFECTORS[changed_effector(stances[at[0]], stances[at[0] + 1])]
+    text = f"transition {at[0]}, which moves the {mover.replace('_', ' ')}, at {_at(place)}: {refusal.reason}"
+    return Obstacle("motion", "", place, {"transition": at[0]}, "", {"motion over the contacts": "refused"}, text)
 
 
 def _search(
@@ -170,12 +207,18 @@ def _steepest(context: QueryContext, plan: ContactPlan) -> Found:
         needed = needed_friction(surface.normal)
         if surface.friction - needed < least or (surface.friction == 0.0 and not found[0]):
             least = surface.friction - needed
-            limit = {"tilt_deg": float(np.degrees(surface.tilt)), "needed": needed, "friction": surface.friction}
-            what = f"slope {surface.name!r} of {limit['tilt_deg']:.0f} deg needs friction {needed:.2f}, has {surface.friction:g}"
-            if surface.friction == 0.0 and needed < 1e-3:
-                what = f"{surface.name!r} has friction 0, which holds nobody"
+            limit, what = _friction_text(surface)
             found = (surface.name, _tuple(contact.p_WC), limit, what)
     return found
+
+
+def _friction_text(surface: Surface) -> tuple[dict[str, float], str]:
+    """Numbers and words of a surface whose friction holds no foot."""
+    needed, tilt = needed_friction(surface.normal), float(np.degrees(surface.tilt))
+    what = f"slope {surface.name!r} of {tilt:.0f} deg needs friction {needed:.2f}, has {surface.friction:g}"
+    if surface.friction == 0.0 and needed < 1e-3:
+        what = f"{surface.name!r} has friction 0, which holds nobody"
+    return {"tilt_deg": tilt, "needed": needed, "friction": surface.friction}, what
 
 
 def _too_small(context: QueryContext, plan: ContactPlan) -> Found:

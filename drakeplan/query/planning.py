@@ -5,33 +5,43 @@ from __future__ import annotations
 import dataclasses
 import threading
 
+import numpy as np
+
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.planner import make_planner, planner_entry
 from drakeplan.context import QueryContext
 from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
-from drakeplan.query.obstacle import find_obstacle
+from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
 from drakeplan.query.options import PlanOptions, check_options, with_options
 from drakeplan.query.query import Query
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.refusal import Refusal
+from drakeplan.query.relaxations import needed_friction
 from drakeplan.query.result import PlanResult
 from drakeplan.query.warm_up import warm_up
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.effector import EFFECTORS
 from scenes.robots.nominal_stance import check_nominal_stance
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 from scenes.transition_model import transition_model
 
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
+SURELY_HELD = np.cos(np.pi / 8)  # share of the friction that the octagon inside Coulomb's cone has in every direction
 COMPILING = 5.0  # [s] after which loading kernels must be compiling them
 MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
+PALMS_SHARE = 0.6  # of the deadline after which the feet are tried alone where palms brought no verified plan
+FEET_SHARE, FEET_REPAIRS = (
+    0.5,
+    3,
+)  # of what is left then for searching with the feet alone, and repairs of what they find
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
 
 
@@ -72,7 +82,17 @@ def plan_scene(
     for note in record.notes:
         tell(ProgressEvent("load", note))
     tell(ProgressEvent("search", elapsed=0.0))
-    result = _attempt(context, options, dynamics, record, tell)
+    if planner_entry(options.planner).judges_transitions:
+        proved = proved_obstacle(context, _planner_options(context, options, dynamics))
+        if proved is not None:
+            reason = f"goal unreachable: {proved.text}"
+            report = {**record.as_dict("none", reason, None), "obstacle": proved.as_dict()}
+            return PlanResult("none", reason, None, report, notes=tuple(record.notes))
+    spared = _may_spare_palms(context, options)
+    first = context.until(context.deadline.part(PALMS_SHARE)) if spared and options.expansions is None else context
+    result = _attempt(first, options, dynamics, record, tell)
+    if spared and result.status != "complete" and not context.deadline.why():
+        result = _feet_alone(context, options, dynamics, record, tell) or result
     hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
     if (
         _may_fall_back(context, options, dynamics)
@@ -120,6 +140,32 @@ def _attempt(
     if options.dynamics is None and dynamics == "learned":
         return query.run(search_for / 2, TRIED_REPAIRS)
     return query.run(search_for, MAX_REPAIRS)
+
+
+def _may_spare_palms(context: QueryContext, options: PlanOptions) -> bool:
+    """Whether the palms could touch something but the feet alone may do."""
+    searches = planner_entry(options.planner).judges_transitions
+    usable = any(s.allows(EFFECTORS[e]) for e in context.robot.palms for s in context.scene.terrain.surfaces)
+    return options.use_palms and searches and usable
+
+
+def _feet_alone(
+    context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
+) -> PlanResult | None:
+    """A verified plan of the feet alone, None where there is none.
+
+    A palm that is held makes a motion stiff, and its contacts multiply the search: where no motion with palms holds, the
+    feet alone may still walk past.
+    """
+    tell(ProgressEvent("search", "no verified plan with palms; planned again with the feet alone"))
+    feet = dataclasses.replace(options, use_palms=False)
+    alone = QueryRecord(notes=record.notes, began=record.began, start=record.start, goal=record.goal, dynamics=dynamics)
+    planner = make_planner(options.planner, context, _planner_options(context, feet, dynamics))
+    if planner.start_problem():
+        return None
+    search_for = max(context.deadline.left() - reserve(options), 0.0)
+    result = Query(context, feet, planner, alone, tell).run(FEET_SHARE * search_for, FEET_REPAIRS)
+    return result if result.status == "complete" or context.deadline.why() == "cancelled" else None
 
 
 def _planner_options(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> PlannerOptions:
@@ -176,6 +222,14 @@ def _not_learned(context: QueryContext, options: PlanOptions) -> str:
     learned = surrogate.card.get("cone", DEFAULT_CONE)
     if context.cone != learned:
         return f"learned dynamics exist only for --cone {learned}"
+    surfaces = [s for s in context.scene.terrain.surfaces if s.allows("left_foot") or s.allows("right_foot")]
+    rough = surrogate.friction[1] + FRICTION_TOLERANCE
+    for surface in surfaces:  # what holds a foot only by more friction than was learned is refused by what was learned
+        if surface.friction > rough and needed_friction(surface.normal) > SURELY_HELD * surrogate.friction[1]:
+            return (
+                f"learned dynamics exist only for friction {surrogate.friction[1]:g}, "
+                f"and {surface.name!r} of {np.degrees(surface.tilt):.0f} deg needs more"
+            )
     best = max((s.friction for s in context.scene.terrain.surfaces), default=surrogate.friction[0])
     if best < surrogate.friction[0] - FRICTION_TOLERANCE:  # else what is slippery is left to the exact program
         return f"learned dynamics exist only for friction {surrogate.friction[0]:g} and above"
@@ -187,6 +241,10 @@ def _with_obstacle(
 ) -> PlanResult:
     """The result with what stands in the way, where no contacts were found and there is time to find that out."""
     seconds = min(context.deadline.left(), MOST_RESERVE)
+    if result.status == "contacts" and result.refusal is not None:
+        found = refused_motion(result.refusal)
+        report = result.report if found is None else {**result.report, "obstacle": found.as_dict()}
+        return dataclasses.replace(result, report=report)
     if result.status != "none" or result.refusal is not None or not reserve(options):
         return result
     if context.deadline.why() or seconds < LEAST_RESERVE:

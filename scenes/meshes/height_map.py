@@ -11,6 +11,7 @@ import numpy as np
 from scenes.input_error import InputError
 from scenes.meshes.mesh_file import MAX_BYTES, MAX_TRIANGLES
 from scenes.meshes.mesh_import import MeshImport, surfaces_of_mesh
+from scenes.meshes.mesh_orientation import Bodies
 from scenes.terrain.terrain import TriangleMesh
 
 
@@ -78,7 +79,7 @@ def import_height_map(
     unknown = float(np.mean(~np.isfinite(height)))
     if unknown:
         notes.append(f"{unknown:.1%} of its heights are not known; nothing steps there")
-    triangles, surfaces, fitted = surfaces_of_mesh(triangles, name, friction)
+    triangles, surfaces, fitted = surfaces_of_mesh(Bodies(triangles), name, friction)
     obstacle = ImportedHeightMap(name, triangles, reference, path, resolution, origin, friction, missing)
     return MeshImport(obstacle, surfaces, tuple(f"{path.name}: {note}" for note in (*notes, *fitted)))
 

@@ -139,7 +139,7 @@ def _collada_frame(data: bytes, path: Path) -> np.ndarray:
     """(3, 3) from the axes and unit that a DAE file declares to metres with z up; trimesh applies neither."""
     from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  it is compiled and has no stubs
 
-    parser = etree.XMLParser(resolve_entities=False, no_network=True)
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)  # a large mesh is one long text
     try:
         asset = etree.fromstring(data, parser).find("{*}asset")
     except etree.XMLSyntaxError as error:

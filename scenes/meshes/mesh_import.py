@@ -12,7 +12,7 @@ import numpy as np
 from scenes.footholds.convex_cover import convex_cover, convex_pieces, min_width
 from scenes.input_error import InputError
 from scenes.meshes.mesh_file import drop_degenerate, read_mesh
-from scenes.meshes.mesh_orientation import single_faces, turn_outward
+from scenes.meshes.mesh_orientation import Bodies, single_faces, turn_outward
 from scenes.meshes.planar_regions import planar_regions
 from scenes.meshes.rough_ground import fit_rough_ground
 from scenes.terrain.georeference import is_far, offset_for, offset_note, to_local
@@ -99,10 +99,10 @@ def import_mesh(
     triangles = drop_degenerate(triangles)
     if len(triangles) == 0:
         raise InputError(f"{path}: no face has an area, expected triangles of more than a point or a line")
-    triangles, halved = single_faces(triangles)
-    triangles, turned = turn_outward(triangles)
+    bodies, halved = single_faces(Bodies(triangles))
+    bodies, turned = turn_outward(bodies)
     name = mesh_name(path) if name is None else name
-    triangles, surfaces, fitted = surfaces_of_mesh(triangles, name, friction)
+    triangles, surfaces, fitted = surfaces_of_mesh(bodies, name, friction)
     obstacle = ImportedMesh(name, triangles, reference or path.name, path, X_WM, 1.0 if scale is None else scale)
     notes = tuple(f"{path.name}: {note}" for note in (*moved, *halved, *turned, *fitted))
     return MeshImport(obstacle, surfaces, notes, origin_offset)
@@ -127,27 +127,30 @@ def _without_offset(
 
 
 def surfaces_of_mesh(
-    triangles: np.ndarray, name: str, friction: float
+    bodies: Bodies, name: str, friction: float
 ) -> tuple[np.ndarray, tuple[Surface, ...], tuple[str, ...]]:
     """The mesh with its rough ground flattened, the surfaces cut out of it, and what was changed.
 
     Args:
-        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        bodies: of the mesh, counter-clockwise from outside, no triangle degenerate.
         name: of the mesh; its surfaces are called after it.
         friction: of every surface [-].
     """
     notes: tuple[str, ...] = ()
-    exact, pieces = triangles, []
-    rough = fit_rough_ground(triangles, min_width=NARROWEST, max_tilt=PALM_TILT[1])
+    exact, triangles, pieces = bodies, bodies.triangles, []
+    rough = fit_rough_ground(bodies, min_width=NARROWEST, max_tilt=PALM_TILT[1])
     if rough is not None:
-        exact, triangles = rough.others, np.concatenate([rough.others, rough.body])
+        exact, triangles = (
+            Bodies(rough.others) if len(rough.others) else None,
+            np.concatenate([rough.others, rough.body]),
+        )
         for region in rough.regions:
             pieces += [region.lift(corners) for corners in convex_pieces(region.outline)]
         notes = (
             f"its ground is rough; planes were fitted within {1e3 * rough.tolerance:.2g} mm, they hold {rough.fitted:.0%} of it; "
             f"its vertices were moved onto them, by {1e3 * rough.rms:.2g} mm RMS and {1e3 * rough.greatest:.2g} mm at most",
         )
-    if len(exact):
+    if exact is not None:
         for region in planar_regions(exact, min_width=NARROWEST, max_tilt=PALM_TILT[1]):
             pieces += [region.lift(c) for c in convex_cover(region.outline) if min_width(c) >= NARROWEST]
     triangles.setflags(write=False)

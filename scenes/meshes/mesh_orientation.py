@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+from functools import cached_property
+
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -16,13 +19,14 @@ class Bodies:
     """Which triangles hang together at their corners, and the box around each such body.
 
     Attributes:
+        triangles: (K, 3, 3) what the bodies are made of [m].
         corner: (K, 3) number of each triangle's corners; equal where they coincide.
         body: (K,) number of each triangle's body.
         count: how many bodies there are.
-        low, high: (count, 3) box around each [m].
     """
 
     def __init__(self, triangles: np.ndarray) -> None:
+        self.triangles = triangles
         numbers = row_numbers(np.round(triangles.reshape(-1, 3) * 10.0**WELD).astype(np.int64))
         self.corner = numbers.reshape(-1, 3)
         faces = len(triangles)
@@ -32,10 +36,33 @@ class Bodies:
         _, labels = connected_components(links, directed=False)
         _, self.body = np.unique(labels[:faces], return_inverse=True)
         self.count = int(self.body.max()) + 1
+
+    def turned(self, turn: np.ndarray) -> Bodies:
+        """The same bodies, the triangles marked in `turn` (K,) wound the other way."""
+        if not turn.any():
+            return self
+        other = copy.copy(self)
+        other.__dict__.pop("_edges", None)
+        other.triangles = np.where(turn[:, None, None], self.triangles[:, ::-1], self.triangles)
+        other.corner = np.where(turn[:, None], self.corner[:, ::-1], self.corner)
+        return other
+
+    @cached_property
+    def low(self) -> np.ndarray:
+        """(count, 3) lowest corner of the box around each body [m]."""
+        order, starts = self._by_body
+        return np.minimum.reduceat(np.minimum.reduce([self.triangles[:, k] for k in range(3)])[order], starts)
+
+    @cached_property
+    def high(self) -> np.ndarray:
+        """(count, 3) greatest corner of the box around each body [m]."""
+        order, starts = self._by_body
+        return np.maximum.reduceat(np.maximum.reduce([self.triangles[:, k] for k in range(3)])[order], starts)
+
+    @cached_property
+    def _by_body(self) -> tuple[np.ndarray, np.ndarray]:
         order = np.argsort(self.body, kind="stable")
-        starts = np.searchsorted(self.body[order], np.arange(self.count))
-        self.low = np.minimum.reduceat(triangles.min(axis=1)[order], starts)
-        self.high = np.maximum.reduceat(triangles.max(axis=1)[order], starts)
+        return order, np.searchsorted(self.body[order], np.arange(self.count))
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """(K,) bool, the triangles of the bodies whose boxes meet the box from low to high (3,) [m].
@@ -48,6 +75,10 @@ class Bodies:
 
     def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(3 K,) edge number of each side of each triangle; then per edge its faces and how often forward less back."""
+        return self._edges
+
+    @cached_property
+    def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ends = np.stack([self.corner, np.roll(self.corner, -1, axis=1)], axis=2).reshape(-1, 2)
         edge = row_numbers(np.sort(ends, axis=1))
         return edge, np.bincount(edge), np.bincount(edge, weights=np.where(ends[:, 0] < ends[:, 1], 1, -1))
@@ -90,95 +121,95 @@ def row_numbers(rows: np.ndarray) -> np.ndarray:
     return np.unique(key, return_inverse=True)[1].ravel()
 
 
-def single_faces(triangles: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """(K, 3, 3) the triangles without those that are the other side of one, and what was taken away.
+def single_faces(bodies: Bodies) -> tuple[Bodies, tuple[str, ...]]:
+    """The bodies without the triangles that are the other side of one, and what was taken away.
 
     Programs export both sides of each face, turned against each other. Only bodies that consist of such pairs lose half of
     their faces: two blocks that touch share a face the same way, and both are solid. A sheet that is left is drawn face up.
     """
-    bodies = Bodies(triangles)
     sides = row_numbers(np.sort(bodies.corner, axis=1))
     paired = np.bincount(sides)[sides] == 2
-    area = np.linalg.norm(area_vectors(triangles), axis=1)
+    if not paired.any():
+        return bodies, ()
+    area = np.linalg.norm(area_vectors(bodies.triangles), axis=1)
     whole, twice = (np.bincount(bodies.body, weights=area * w) for w in (np.ones(len(area)), paired))
     doubled = (twice > DOUBLED * whole)[bodies.body] & paired
     if not doubled.any():
-        return triangles, ()
+        return bodies, ()
     _, first = np.unique(sides, return_index=True)
     keep = ~doubled
     keep[first] = True
     of_doubled = doubled[keep]
-    triangles = _agree(triangles[keep], ~of_doubled)
-    bodies = Bodies(triangles)
-    up = np.bincount(bodies.body, weights=area_vectors(triangles)[:, 2])
-    turn = (~bodies.closed() & (up < 0) & (np.bincount(bodies.body, weights=of_doubled) > 0))[bodies.body]
-    triangles = np.where(turn[:, None, None], triangles[:, ::-1], triangles)
-    return triangles, (
+    single = _agree(Bodies(bodies.triangles[keep]), ~of_doubled)
+    up = np.bincount(single.body, weights=area_vectors(single.triangles)[:, 2])
+    turn = (~single.closed() & (up < 0) & (np.bincount(single.body, weights=of_doubled) > 0))[single.body]
+    return single.turned(turn), (
         f"{int((~keep).sum())} faces had a twin turned the other way; one of each pair was kept, turned outward",
     )
 
 
-def turn_outward(triangles: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """(K, 3, 3) the triangles wound counter-clockwise from outside as far as the data tells, and what was turned.
+def turn_outward(bodies: Bodies) -> tuple[Bodies, tuple[str, ...]]:
+    """The bodies wound counter-clockwise from outside as far as the data tells, and what was turned.
 
     A body whose neighbouring faces disagree is made consistent. A closed body of negative volume is inside out, unless
     its box lies in another's (a cavity) or holds another's (a room). Open sheets stay as they were drawn, unless
     nothing in the mesh faces up at all: then the sheets that face down are the ground.
     """
     notes = []
-    consistent = _agree(triangles)
-    turned = int((np.abs(consistent - triangles).max(axis=(1, 2)) > 1e-9).sum())
-    if turned:
-        notes.append(f"{turned} faces disagreed with their neighbours and were turned")
-        triangles = consistent
-    bodies = Bodies(triangles)
-    inside_out = bodies.closed() & (_volumes(triangles, bodies) < -1e-12)
+    consistent = _agree(bodies)
+    if consistent is not bodies:
+        turned = int((np.abs(consistent.triangles - bodies.triangles).max(axis=(1, 2)) > 1e-9).sum())
+        notes += [f"{turned} faces disagreed with their neighbours and were turned"] * (turned > 0)
+        bodies = consistent
+    inside_out = bodies.closed()
+    if inside_out.any():
+        inside_out &= _volumes(bodies) < -1e-12
     for k in np.flatnonzero(inside_out):
         holds = (bodies.low >= bodies.low[k] - 1e-9).all(axis=1) & (bodies.high <= bodies.high[k] + 1e-9).all(axis=1)
         held = (bodies.low <= bodies.low[k] + 1e-9).all(axis=1) & (bodies.high >= bodies.high[k] - 1e-9).all(axis=1)
         inside_out[k] = holds.sum() == 1 and held.sum() == 1
     if inside_out.any():
-        triangles = np.where(inside_out[bodies.body][:, None, None], triangles[:, ::-1], triangles)
+        bodies = bodies.turned(inside_out[bodies.body])
         notes.append(f"{int(inside_out.sum())} closed bodies were inside out and were turned")
-    up = area_vectors(triangles)[:, 2]
-    down = (np.bincount(bodies.body, weights=up > 1e-12) == 0) & (np.bincount(bodies.body, weights=up < -1e-12) > 0)
-    if down.any() and not (up > 1e-12).any():
-        triangles = np.where(down[bodies.body][:, None, None], triangles[:, ::-1], triangles)
+    up = area_vectors(bodies.triangles)[:, 2]
+    if (up > 1e-12).any():
+        return bodies, tuple(notes)
+    down = np.bincount(bodies.body, weights=up < -1e-12) > 0
+    if down.any():
+        bodies = bodies.turned(down[bodies.body])
         notes.append(f"{int(down.sum())} sheets faced down with nothing facing up and were turned")
-    return triangles, tuple(notes)
+    return bodies, tuple(notes)
 
 
-def _volumes(triangles: np.ndarray, bodies: Bodies) -> np.ndarray:
+def _volumes(bodies: Bodies) -> np.ndarray:
     """(count,) signed volume of each body [m^3]; it says something only where the body is closed."""
-    centred = triangles - bodies.low[bodies.body][:, None]
+    centred = bodies.triangles - bodies.low[bodies.body][:, None]
     parts = np.einsum("ki,ki->k", centred[:, 0], np.cross(centred[:, 1], centred[:, 2])) / 6
     return np.bincount(bodies.body, weights=parts)
 
 
-def _agree(triangles: np.ndarray, drawn: np.ndarray | None = None) -> np.ndarray:
-    """The same triangles, those turned that walk an edge of two faces the same way as their neighbour.
+def _agree(bodies: Bodies, drawn: np.ndarray | None = None) -> Bodies:
+    """The same bodies, those triangles turned that walk an edge of two faces the same way as their neighbour.
 
     It is done only in bodies that it closes, or in sheets without branches, where most of the area stays as it was.
 
     Args:
-        triangles: (K, 3, 3) [m].
+        bodies: of triangles that may disagree.
         drawn: (K,) whose winding counts; None for all.
     """
-    bodies = Bodies(triangles)
     edge, faces, forward = bodies.edges()
     if not ((faces == 2) & (forward != 0)).any():
-        return triangles
+        return bodies
     import trimesh
 
+    triangles = bodies.triangles
     corners = np.zeros((int(bodies.corner.max()) + 1, 3))
     corners[bodies.corner.ravel()] = triangles.reshape(-1, 3)
     mesh = trimesh.Trimesh(corners, bodies.corner, process=False)
     trimesh.repair.fix_winding(mesh)
-    agreed = np.asarray(mesh.triangles)
-    turned = (area_vectors(agreed) * area_vectors(triangles)).sum(axis=1) < 0
+    turned = (area_vectors(np.asarray(mesh.triangles)) * area_vectors(triangles)).sum(axis=1) < 0
     area = np.linalg.norm(area_vectors(triangles), axis=1) * (1.0 if drawn is None else drawn)
     mostly = np.bincount(bodies.body, weights=area * turned) > 0.5 * np.bincount(bodies.body, weights=area)
     turned ^= mostly[bodies.body]
-    agreed = np.where(turned[:, None, None], triangles[:, ::-1], triangles)
-    trusted = Bodies(agreed).closed() | bodies.without(edge, faces > 2)
-    return np.where(trusted[bodies.body][:, None, None], agreed, triangles)
+    trusted = bodies.turned(turned).closed() | bodies.without(edge, faces > 2)
+    return bodies.turned(turned & trusted[bodies.body])

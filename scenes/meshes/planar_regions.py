@@ -43,23 +43,23 @@ class Region:
         return self.origin + corners @ self.axes[:2]
 
 
-def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) -> Iterator[Region]:
+def planar_regions(bodies: Bodies, *, min_width: float, max_tilt: float) -> Iterator[Region]:
     """The flat regions of a mesh that are wide enough and do not face down too much, their buried parts cut away.
 
     Faces belong together when they lie in one plane (`OFF_PLANE`, `OFF_NORMAL`) and touch; that they share no edge in
     the file, overlap, or come from two blocks side by side makes no difference.
 
     Args:
-        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        bodies: of the mesh, counter-clockwise from outside, no triangle degenerate.
         min_width: regions in which no disc of this diameter fits are left out [m].
         max_tilt: regions whose normal is farther from the vertical are left out [rad].
     """
+    triangles = bodies.triangles
     doubled = area_vectors(triangles)
     area = np.linalg.norm(doubled, axis=1) / 2
     normals = doubled / (2 * area[:, None])
     wanted = normals[:, 2] >= np.cos(max_tilt) - 1e-9
     least = np.pi / 4 * min_width**2
-    bodies = Bodies(triangles)
     for members, origin, normal in _coplanar_groups(triangles, normals, area, wanted):
         if area[members].sum() < least:
             continue
@@ -71,7 +71,8 @@ def planar_regions(triangles: np.ndarray, *, min_width: float, max_tilt: float) 
         # A closed body does not wind round a point outside its box: a section needs only the bodies near it.
         low, high = triangles[members].min(axis=(0, 1)), triangles[members].max(axis=(0, 1))
         near = bodies.near(low - 2 * BURIED, high + 2 * BURIED)
-        outline = outline.difference(buried_part(outline, triangles[near], normals[near], origin, axes))
+        around = (triangles, normals) if near.all() else (triangles[near], normals[near])
+        outline = outline.difference(buried_part(outline, *around, origin, axes))
         for part in shapely.get_parts(outline):
             if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
                 yield Region(part, origin, axes)
@@ -166,9 +167,10 @@ def buried_part(
     once or more: that faces are doubled, interpenetrate or belong to no closed body does not matter, and what a body
     with missing faces fails to enclose is kept.
     """
-    height = triangles @ axes[2] - (origin @ axes[2] + BURIED)
-    below = height < 0
-    crossing = below.any(axis=1) & ~below.all(axis=1)
+    height = (triangles.reshape(-1, 3) @ axes[2]).reshape(-1, 3) - (origin @ axes[2] + BURIED)
+    below = (height < 0).view(np.int8)
+    corners = below[:, 0] + below[:, 1] + below[:, 2]
+    crossing = np.flatnonzero((corners > 0) & (corners < 3))
     segments = _section(triangles[crossing], height[crossing], normals[crossing], origin, axes)
     if len(segments) == 0:
         return Polygon()
@@ -177,6 +179,13 @@ def buried_part(
     low, high = np.array(frame.bounds[:2]), np.array(frame.bounds[2:])
     here = ((segments.min(axis=1) <= high) & (segments.max(axis=1) >= low)).all(axis=1)
     lines: np.ndarray = shapely.linestrings(segments[here])  # pyright: ignore[reportAssignmentType]
+    inner = outline.buffer(-10 * GRID)
+    shapely.prepare(inner)
+    if not inner.is_empty and not shapely.intersects(inner, lines).any():  # most regions of a rough mesh: one cell
+        within = [part for part in shapely.get_parts(inner) if _winding(_inside(part), segments) > 0.5]
+        return (
+            outline if len(within) == shapely.get_num_geometries(inner) else shapely.union_all(within).buffer(20 * GRID)
+        )
     lines = shapely.set_precision(lines, GRID)
     noded = shapely.union_all([*lines[~shapely.is_empty(lines)], frame.exterior], grid_size=GRID)
     cells = shapely.get_parts(shapely.polygonize([noded]))
@@ -190,6 +199,11 @@ def _is_solid(cell: Polygon, segments: np.ndarray) -> bool:
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(cell))
     samples = shapely.get_coordinates(shapely.centroid(triangles))
     return len(samples) > 0 and all(_winding(point, segments) > 0.5 for point in samples)
+
+
+def _inside(part: Polygon) -> np.ndarray:
+    """(2,) a point of a polygon."""
+    return shapely.get_coordinates(shapely.point_on_surface(part))[0]
 
 
 def _section(

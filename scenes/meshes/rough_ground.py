@@ -62,20 +62,20 @@ class RoughGround:
     fitted: float
 
 
-def fit_rough_ground(triangles: np.ndarray, *, min_width: float, max_tilt: float) -> RoughGround | None:
+def fit_rough_ground(bodies: Bodies, *, min_width: float, max_tilt: float) -> RoughGround | None:
     """Fits planes to the rough bodies of a mesh; None where it has none, or none that planes fit.
 
     Args:
-        triangles: (K, 3, 3) counter-clockwise from outside, none degenerate [m].
+        bodies: of the mesh, counter-clockwise from outside, no triangle degenerate.
         min_width: regions in which no disc of this diameter fits are left out [m].
         max_tilt: regions whose normal is farther from the vertical are left out [rad].
     """
-    bodies = Bodies(triangles)
+    triangles = bodies.triangles
     doubled = area_vectors(triangles)
     area = np.linalg.norm(doubled, axis=1) / 2
     normals = doubled / (2 * area[:, None])
     usable = normals[:, 2] >= np.cos(max_tilt) - 1e-9
-    rough = _rough_bodies(triangles, bodies, normals, area, usable)[bodies.body]
+    rough = _rough_bodies(bodies, normals, area, usable)[bodies.body]
     if not rough.any():
         return None
     _, first, corner = np.unique(bodies.corner[rough].ravel(), return_index=True, return_inverse=True)
@@ -146,10 +146,9 @@ def fit_rough_ground(triangles: np.ndarray, *, min_width: float, max_tilt: float
     )
 
 
-def _rough_bodies(
-    triangles: np.ndarray, bodies: Bodies, normals: np.ndarray, area: np.ndarray, usable: np.ndarray
-) -> np.ndarray:
+def _rough_bodies(bodies: Bodies, normals: np.ndarray, area: np.ndarray, usable: np.ndarray) -> np.ndarray:
     """(B,) bool, the bodies most of whose usable area is in small facets that no exact plane of a sole's size holds."""
+    triangles = bodies.triangles
     edge, _, _ = bodies.edges()
     face = np.repeat(np.arange(len(triangles)), 3)
     order = np.argsort(edge, kind="stable")

@@ -73,6 +73,24 @@ def test_ground_as_slippery_as_no_network_has_seen_is_left_to_the_exact_program(
     assert asked["learned"] == 0
 
 
+@pytest.mark.parametrize(("friction", "dynamics"), [(0.5, "learned"), (0.8, "quasi-static"), (1.0, "quasi-static")])
+def test_networks_are_not_asked_of_slopes_that_only_more_friction_than_they_know_holds(
+    friction: float, dynamics: str
+) -> None:
+    rise = 0.4 * np.tan(np.deg2rad(35.0))
+    steep = Surface("ramp", np.array([[4, -1, 0], [4.4, -1, rise], [4.4, 1, rise], [4, 1, 0.0]]), friction)
+    rough = dataclasses.replace(FLOOR, friction=friction)
+    result = plan_scene(
+        dataclasses.replace(SHORT, terrain=Terrain((rough, steep))), ROBOT, PlanOptions(expansions=1, improve=0.0)
+    )
+    told = any("learned dynamics exist only for friction 0.5, and 'ramp' of 35 deg" in n for n in result.notes)
+    assert told == (dynamics == "quasi-static")
+    level = plan_scene(
+        dataclasses.replace(SHORT, terrain=Terrain((rough,))), ROBOT, PlanOptions(expansions=1, improve=0.0)
+    )
+    assert not any("learned dynamics exist only" in note for note in level.notes)
+
+
 def test_without_the_exact_program_a_guess_stands(ik: WholeBodyIK) -> None:
     search = planner(SHORT, ik)
     learned = LearnedDynamics(search.domain.pool, load_surrogate(ROBOT), None)

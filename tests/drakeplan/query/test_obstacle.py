@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.context import QueryContext
-from drakeplan.query.obstacle import Obstacle, find_obstacle
+from drakeplan.query.obstacle import Obstacle, find_obstacle, proved_obstacle
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.relaxations import needed_friction, relaxations
@@ -122,3 +122,60 @@ def test_a_query_carries_what_stands_in_its_way_as_a_sentence_and_as_data() -> N
     data = result.report["obstacle"]
     assert isinstance(data, dict) and data["kind"] == "stride"
     assert result.report["reason"] == result.reason
+
+
+def climb(degrees: float, length: float, friction: float, *, across: Surface | None = None) -> QueryContext:
+    """A slope that is so long in the plan view between two floors, and one more surface."""
+    rise = length * np.tan(np.deg2rad(degrees))
+    up = Surface(
+        "ramp",
+        np.array([[0.4, -0.6, 0], [0.4 + length, -0.6, rise], [0.4 + length, 0.6, rise], [0.4, 0.6, 0]]),
+        friction,
+    )
+    top = Surface("top", slab("", (0.4 + length, 2.4 + length)).vertices + np.array([0.0, 0.0, rise]))
+    more = [] if across is None else [across]
+    return context([slab("floor", (-0.8, 0.4)), up, top, *more], 1.2 + length, z=rise)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "length", "friction", "dynamics", "closed"),
+    [
+        (35.0, 0.9, 0.5, "quasi-static", True),
+        (35.0, 0.9, 0.5, "learned", False),  # short enough to be run over
+        (35.0, 1.9, 0.5, "learned", True),
+        (40.0, 1.9, 0.5, "exact", True),
+        (30.0, 1.9, 0.5, "learned", False),  # momentum may do it
+        (35.0, 1.9, 0.71, "quasi-static", False),
+        (35.0, 0.3, 0.5, "quasi-static", False),  # stepped over
+    ],
+)
+def test_friction_closes_a_slope_before_any_search_only_where_that_is_proved(
+    degrees: float, length: float, friction: float, dynamics: DynamicsName, closed: bool
+) -> None:
+    found = proved_obstacle(climb(degrees, length, friction), PlannerOptions(dynamics=dynamics))
+    assert (found is not None) == closed
+    if found is not None:
+        needed = np.tan(np.deg2rad(degrees))
+        assert (found.kind, found.obstacle) == ("friction", "ramp")
+        assert f"slope 'ramp' of {degrees:.0f} deg needs friction {needed:.2f}, has {friction:g}" in found.text
+
+
+def test_no_proof_where_a_way_round_or_a_wall_for_palms_is_left() -> None:
+    rough = climb(35.0, 1.9, 0.5).scene.terrain.surfaces[1].vertices + np.array([0.0, 1.25, 0.0])
+    options = PlannerOptions(dynamics="quasi-static")
+    assert proved_obstacle(climb(35.0, 1.9, 0.5, across=Surface("rough", rough, 1.0)), options) is None
+    wall = Surface("wall", np.array([[0.0, 0.7, 0.0], [3.0, 0.7, 0.0], [3.0, 0.7, 2.0], [0.0, 0.7, 2.0]]), 0.5)
+    assert any(wall.allows(palm) for palm in ("left_palm", "right_palm"))
+    walled = climb(35.0, 1.9, 0.5, across=wall)
+    assert proved_obstacle(walled, options) is None
+    feet = PlannerOptions(dynamics="quasi-static", use_palms=False)
+    assert proved_obstacle(walled, feet) is not None
+
+
+def test_a_query_over_too_steep_a_slope_ends_before_its_search() -> None:
+    result = plan_scene(climb(35.0, 1.9, 0.5).scene, ESCHER, PlanOptions(deadline=60.0))
+    assert result.status == "none"
+    assert result.report["expansions"] == 0
+    assert "goal unreachable: slope 'ramp' of 35 deg needs friction 0.70, has 0.5" in result.reason
+    data = result.report["obstacle"]
+    assert isinstance(data, dict) and data["limit"]["needed"] == pytest.approx(np.tan(np.deg2rad(35.0)))

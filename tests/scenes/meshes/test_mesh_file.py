@@ -72,6 +72,13 @@ def test_a_dae_file_is_turned_and_scaled_as_it_declares(up, metre, x_end, y_end,
     np.testing.assert_allclose(read_mesh(file)[0, 1:], [x_end, y_end], atol=1e-12)
 
 
+def test_a_dae_file_may_hold_more_text_in_one_element_than_parsers_expect(tmp_path):
+    """A million triangles are an element of 20 MB."""
+    file = tmp_path / "large.dae"
+    file.write_text(DAE.format(up="Z_UP", metre="1").replace("0 20 0<", f"0 20 0{' ' * 10_500_000}<"))
+    np.testing.assert_allclose(read_mesh(file)[0, 2], [0, 20, 0])
+
+
 VERTICES = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 BROKEN = {
     "obj, bad index": (".obj", VERTICES + "f 1 2 9\n", "out of bounds"),

@@ -24,16 +24,28 @@ def volume(triangles):
 SHEET = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
 
 
+def outward_of(triangles):
+    """(K, 3, 3) the triangles turned outward, and what was turned."""
+    bodies, notes = turn_outward(Bodies(triangles))
+    return bodies.triangles, notes
+
+
+def single_of(triangles):
+    """(K, 3, 3) the triangles each on one side, and what was taken away."""
+    bodies, notes = single_faces(Bodies(triangles))
+    return bodies.triangles, notes
+
+
 def test_a_good_mesh_is_left_alone():
     both = np.concatenate([block((1, 1, 1), (0, 0, 0)), block((1, 1, 1), (3, 0, 0)), SHEET + 5])
-    turned, notes = turn_outward(both)
+    turned, notes = outward_of(both)
     np.testing.assert_array_equal(turned, both)
     assert notes == ()
 
 
 def test_a_body_that_is_inside_out_is_turned_and_that_is_said():
     good, bad = block((1, 1, 1), (0, 0, 0)), inside_out(block((1, 1, 2), (3, 0, 0)))
-    turned, notes = turn_outward(np.concatenate([good, bad]))
+    turned, notes = outward_of(np.concatenate([good, bad]))
     assert volume(turned) == pytest.approx(3.0)
     assert notes == ("1 closed bodies were inside out and were turned",)
 
@@ -42,7 +54,7 @@ def test_a_cavity_and_a_room_keep_their_faces_inward():
     shell = np.concatenate([block((2, 2, 2), (0, 0, 0)), inside_out(block((1, 1, 1), (0, 0, 0)))])
     room = np.concatenate([inside_out(block((9, 9, 3), (0, 0, 1.5))), block((1, 1, 1), (0, 0, 0.6))])
     for triangles in (shell, room):
-        turned, notes = turn_outward(triangles)
+        turned, notes = outward_of(triangles)
         np.testing.assert_array_equal(turned, triangles)
         assert notes == ()
 
@@ -51,18 +63,18 @@ def test_a_cavity_and_a_room_keep_their_faces_inward():
 def test_faces_that_disagree_with_their_neighbours_are_turned(wrong):
     triangles = block((1, 2, 3), (0.5, 0, 0)).copy()
     triangles[wrong] = triangles[wrong][:, ::-1]
-    turned, notes = turn_outward(triangles)
+    turned, notes = outward_of(triangles)
     assert volume(turned) == pytest.approx(6.0)
     assert notes == (f"{len(wrong)} faces disagreed with their neighbours and were turned",)
 
 
 def test_a_ground_sheet_drawn_face_down_is_turned_only_where_nothing_faces_up():
-    turned, notes = turn_outward(inside_out(SHEET))
+    turned, notes = outward_of(inside_out(SHEET))
     np.testing.assert_array_equal(turned, SHEET)
     assert notes == ("1 sheets faced down with nothing facing up and were turned",)
     ceiling = inside_out(SHEET) + np.array([0, 0, 2.5])
     both = np.concatenate([SHEET, ceiling])
-    np.testing.assert_array_equal(turn_outward(both)[0], both)
+    np.testing.assert_array_equal(outward_of(both)[0], both)
 
 
 def test_bodies_are_what_hangs_together_and_closed_is_what_has_no_rim():
@@ -79,8 +91,8 @@ def test_a_closed_body_drawn_from_both_sides_is_one_body_turned_outward(seed: in
     """Whichever side comes first in the file, face by face."""
     body = block((1.0, 0.6, 0.2), (0, 0, 0))
     both = np.concatenate([body, body[:, ::-1]])[np.random.default_rng(seed).permutation(2 * len(body))]
-    single, notes = single_faces(both)
-    outward, _ = turn_outward(single)
+    single, notes = single_of(both)
+    outward, _ = outward_of(single)
     assert len(outward) == len(body)
     assert "12 faces had a twin turned the other way" in notes[0]
     assert (area_vectors(outward) * outward.mean(axis=1)).sum(axis=1).min() > 0
@@ -88,7 +100,7 @@ def test_a_closed_body_drawn_from_both_sides_is_one_body_turned_outward(seed: in
 
 def test_a_sheet_drawn_from_both_sides_faces_up() -> None:
     for both in (np.concatenate([SHEET, SHEET[:, ::-1]]), np.concatenate([SHEET[:, ::-1], SHEET])):
-        single, notes = single_faces(both)
+        single, notes = single_of(both)
         assert len(single) == 2
         assert (area_vectors(single)[:, 2] > 0).all()
         assert len(notes) == 1
@@ -97,6 +109,6 @@ def test_a_sheet_drawn_from_both_sides_faces_up() -> None:
 def test_blocks_side_by_side_keep_the_face_that_they_share() -> None:
     left, right = block((1, 1, 1), (0, 0, 0)), block((1, 1, 1), (1, 0, 0))
     both = np.concatenate([left, right])
-    single, notes = single_faces(both)
+    single, notes = single_of(both)
     assert len(single) == len(both)
     assert notes == ()

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from scenes.meshes.mesh_file import drop_degenerate
+from scenes.meshes.mesh_orientation import Bodies
 from scenes.meshes.planar_regions import BURIED, planar_regions
 from scenes.pose import pose_matrix
 
@@ -18,7 +19,7 @@ def block(size, centre, rpy=(0.0, 0.0, 0.0)):
 
 def regions(*parts, min_width=0.04, max_tilt=ANYWHERE):
     triangles = drop_degenerate(np.concatenate(parts))
-    return list(planar_regions(triangles, min_width=min_width, max_tilt=max_tilt))
+    return list(planar_regions(Bodies(triangles), min_width=min_width, max_tilt=max_tilt))
 
 
 def up(found):

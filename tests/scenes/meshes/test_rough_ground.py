@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from scenes.meshes.mesh_import import surfaces_of_mesh
+from scenes.meshes.mesh_orientation import Bodies
 from scenes.meshes.rough_ground import TOLERANCE, RoughGround, fit_rough_ground
 from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import PALM_TILT
@@ -28,7 +29,7 @@ def noise(deviation: float, seed: int = 0) -> np.ndarray:
 
 
 def fit(height: np.ndarray) -> RoughGround:
-    ground = fit_rough_ground(map_mesh(height), min_width=0.04, max_tilt=PALM_TILT[1])
+    ground = fit_rough_ground(Bodies(map_mesh(height)), min_width=0.04, max_tilt=PALM_TILT[1])
     assert ground is not None
     return ground
 
@@ -115,15 +116,15 @@ def test_a_block_on_a_noisy_floor_stays_a_block() -> None:
 )
 def test_exact_maps_are_not_rough(height: np.ndarray) -> None:
     triangles = map_mesh(height).astype(np.float32).astype(float)  # as an STL file holds them
-    assert fit_rough_ground(triangles, min_width=0.04, max_tilt=PALM_TILT[1]) is None
+    assert fit_rough_ground(Bodies(triangles), min_width=0.04, max_tilt=PALM_TILT[1]) is None
 
 
 def test_rubble_that_no_plane_fits_is_left_alone() -> None:
-    assert fit_rough_ground(map_mesh(noise(0.15)), min_width=0.04, max_tilt=PALM_TILT[1]) is None
+    assert fit_rough_ground(Bodies(map_mesh(noise(0.15))), min_width=0.04, max_tilt=PALM_TILT[1]) is None
 
 
 def test_the_note_names_tolerance_share_and_how_far_the_mesh_was_moved() -> None:
-    triangles, surfaces, (note,) = surfaces_of_mesh(map_mesh(noise(0.003)), "map", 0.6)
+    triangles, surfaces, (note,) = surfaces_of_mesh(Bodies(map_mesh(noise(0.003))), "map", 0.6)
     assert "planes were fitted within 11 mm, they hold 100% of it" in note
     assert "3 mm RMS" in note
     assert len(surfaces) == 1
