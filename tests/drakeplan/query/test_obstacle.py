@@ -49,7 +49,12 @@ def test_a_gap_names_the_steps_that_cross_it(gap: float) -> None:
     enough = "long_stride"
     found = obstacle(context([slab("here", (-0.8, 0.5)), slab("there", (0.5 + gap, 2.2 + gap))], 1.2 + gap))
     assert (found.kind, found.obstacle, found.remedy) == ("stride", "there", f"--transition-model {enough}")
-    assert found.limit["stride_m"] >= gap + 2 * ESCHER.effectors[0].half_extent[0] > found.limit["reach_m"] == 0.4
+    assert (
+        found.limit["stride_m"]
+        >= gap + 2 * ESCHER.effectors[0].half_extent[0]
+        > found.limit["reach_m"]
+        == FEET.longest_stride
+    )
     assert found.place is not None and 0.3 < found.place[0] < 0.7 + gap
     assert found.tested[f"steps of {enough}"] == "found"
     assert list(found.tested.values()).count("found") == 1
@@ -93,6 +98,10 @@ def test_friction_that_holds_a_foot_is_no_rung() -> None:
     longest = PlannerOptions(model=transition_model("leap_stride"))
     assert "stride" not in [rung.kind for rung in relaxations(on, longest)]
     assert [rung.kind for rung in relaxations(on, FEET)] == ["search", "stride", "stride", "sole"]
+    tried = PlannerOptions(use_palms=False, longer=transition_model("long_stride"))
+    assert [rung.remedy for rung in relaxations(on, tried) if rung.kind == "stride"] == [
+        "--transition-model leap_stride"
+    ]
 
 
 def test_stones_of_a_sole_are_called_small() -> None:
@@ -114,7 +123,7 @@ def test_what_feet_alone_do_is_said_with_the_option_for_it() -> None:
 
 def test_a_query_carries_what_stands_in_its_way_as_a_sentence_and_as_data() -> None:
     scene = context([slab("here", (-0.8, 0.5)), slab("there", (1.02, 2.6))], 1.7).scene
-    options = PlanOptions(dynamics="quasi-static", use_palms=False, expansions=20, deadline=120.0)
+    options = PlanOptions(dynamics="quasi-static", use_palms=False, footholds="fixed", expansions=20, deadline=120.0)
     result = plan_scene(scene, ESCHER, options)
     assert result.status == "none" and "goal unreachable" in result.reason
     # Which of the two is found first depends on what the machine does in a second.
