@@ -103,8 +103,8 @@ class ContactDomain:
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
         self._longer = options.longer and [options.longer.mirrored(True)[0], options.longer.mirrored(False)[0]]
         self._heuristic_name = options.heuristic
-        usable = packed.allowed.any(axis=0)
-        self._palms = tuple(e - 2 for e in robot.palms if usable[e]) if options.use_palms else ()
+        usable = np.flatnonzero(packed.allowed.any(axis=0)).tolist()
+        self._palms = tuple(e - 2 for e in robot.palms if e in usable) if options.use_palms else ()
         self._quasi_static = options.dynamics == "quasi-static"
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}

@@ -46,6 +46,13 @@ class PlannerOptions:
     longer: TransitionModel | None = None
     footholds: FootholdsName = "snapped"
 
+    @property
+    def longest_stride(self) -> float:
+        """How far forward of the standing foot a foot may be set [m]."""
+        models = [model for model in (self.model, self.longer) if model is not None]
+        longest = max(float(model.steps[:, 0].max()) for model in models)
+        return longest + (BEYOND if self.footholds == "snapped" else 0.0)
+
     def step_limits(self, robot: Robot, model: TransitionModel) -> StepLimits:
         """Bounds of the steps that a foot may make: snapped ones may go a little beyond those of a model.
 

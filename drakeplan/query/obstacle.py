@@ -154,7 +154,7 @@ def _named(
     """The obstacle that a relaxation removed, and where the way that it opened needs it."""
     name, place, limit, what = "", None, dict[str, float](), ""
     if rung.kind == "stride":
-        name, place, limit, what = _longest_step(context, plan, float(options.model.steps[:, 0].max()))
+        name, place, limit, what = _longest_step(context, plan, options.longest_stride)
     elif rung.kind == "friction":
         name, place, limit, what = _steepest(context, plan)
     elif rung.kind == "sole":

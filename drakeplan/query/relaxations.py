@@ -61,8 +61,8 @@ def relaxations(context: QueryContext, options: PlannerOptions) -> list[Relaxati
         rungs.append(Relaxation("friction", f"friction {ENOUGH_FRICTION:g}", "", easier, feet))
     for name in LONGER:
         model = transition_model(name)
-        if model.steps[:, 0].max() > options.model.steps[:, 0].max():
-            longer = dataclasses.replace(feet, model=model)
+        if model.steps[:, 0].max() > options.longest_stride:
+            longer = dataclasses.replace(feet, model=model, longer=None)
             rungs.append(Relaxation("stride", f"steps of {name}", f"--transition-model {name}", context, longer))
     if small and terrain.obstacles:
         rungs.append(

@@ -13,6 +13,8 @@ from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.footholds.partial_support import rest_down
+from scenes.footholds.projection import patch_shape
+from scenes.footholds.snap import Footholds, Snap
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene, Start
 from scenes.stance import Stance
@@ -49,8 +51,19 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
         if not planner.start_problem():
             for plan in planner.plans(Limits(expansions=30, improve=0.05)):
                 stances = plan.stances[:2]
+    _move_a_step(context, PlannerOptions())
     if len(stances) > 1:
         MotionMaker(context, COARSE).run(stances, lambda event: None)
+
+
+def _move_a_step(context: QueryContext, options: PlannerOptions) -> None:
+    """Moves a step that hangs over the floor's edge: where most steps fit, as they do here, the search moves none."""
+    robot, edge = context.robot, float(context.packed.low[0, 0])
+    wanted, stand = np.array([[edge, 0.0, 0.0]]), np.array([edge + 0.1, -0.2, 0.0])
+    limits = options.step_limits(robot, options.model)
+    Footholds(context.packed, 0.0, Snap()).place_feet(
+        0, wanted, (-0.1, 0.1), patch_shape(robot.effectors[0]), stand, limits
+    )
 
 
 def _judges(robot: Robot) -> tuple[DynamicsName, ...]:

@@ -52,98 +52,135 @@ def fit_region(
         parts: (P, C, 2) written here, (u, v), counter-clockwise; C >= `most_corners`.
         size: (P,) corners of each part, written here.
     """
-    hx, hy = patch.half_length, patch.half_width
-    d = packed.offset[surface]
-    width = packed.vertices.shape[1]
-    base, spare = np.empty((parts.shape[1], 2)), np.empty((parts.shape[1], 2))
-    whole = packed.floor[surface] < 0
-    m = packed.count[surface]
+    size[0] = _surface(packed, surface, R, patch, low, high, parts[0], np.empty((parts.shape[1], 2)))
+    if size[0] < 3 or area(parts[0], size[0]) < NOTHING:
+        return 0
+    u, v = parts[0, : size[0], 0], parts[0, : size[0], 1]
+    window = (u.min(), v.min(), u.max(), v.max())
+    half_u = 0.5 * (window[2] - window[0]) + patch.half_length + max(patch.front, patch.back)
+    half_v = 0.5 * (window[3] - window[1]) + patch.half_width + patch.side
+    reach = np.sqrt(half_u * half_u + half_v * half_v + patch.clearance * patch.clearance)
+    middle = np.empty(3)
+    for a in range(3):
+        middle[a] = R[a, 0] * 0.5 * (window[0] + window[2]) + R[a, 1] * 0.5 * (window[1] + window[3])
+        middle[a] += R[a, 2] * packed.offset[surface]
+    around = near(packed, middle[0] - reach, middle[1] - reach, middle[0] + reach, middle[1] + reach)
+    n = 1
+    if packed.floor[surface] >= 0:
+        n = _take_gaps(packed, surface, R, patch, window, middle, reach, around, parts, size, n)
+    if n > 0:
+        n = _take_covered(packed, surface, R, patch, window, middle[2], reach, around, parts, size, n)
+    return max(n, 0)
+
+
+@njit(cache=True)
+def _surface(
+    packed: PackedTerrain,
+    surface: int,
+    R: np.ndarray,
+    patch: PatchShape,
+    low: np.ndarray,
+    high: np.ndarray,
+    out: np.ndarray,
+    spare: np.ndarray,
+) -> int:
+    """Writes a surface, within a box, less the support function of the patch where it is alone; how many corners."""
+    d, m = packed.offset[surface], packed.count[surface]
     for k in range(m):
-        _flat(packed.vertices[surface, k], R, base[k])
-    if whole:
+        _flat(packed.vertices[surface, k], R, out[k])
+    if packed.floor[surface] < 0:
         for k in range(packed.count[surface]):
             e = packed.edge_normal[surface, k]
             nu = e[0] * R[0, 0] + e[1] * R[1, 0] + e[2] * R[2, 0]
             nv = e[0] * R[0, 1] + e[1] * R[1, 1] + e[2] * R[2, 1]
             across = e[0] * R[0, 2] + e[1] * R[1, 2] + e[2] * R[2, 2]
-            reach = packed.edge_offset[surface, k] - d * across - hx * abs(nu) - hy * abs(nv)
-            m = below(base, m, nu, nv, reach - PATCH_MARGIN - ROUNDING, spare)
-            copy_corners(spare, m, base)
+            support = patch.half_length * abs(nu) + patch.half_width * abs(nv) + PATCH_MARGIN + ROUNDING
+            m = below(out, m, nu, nv, packed.edge_offset[surface, k] - d * across - support, spare)
+            copy_corners(spare, m, out)
     for a in range(3):  # the box: each coordinate of W is linear in (u, v)
-        m = below(base, m, R[a, 0], R[a, 1], high[a] - d * R[a, 2], spare)
-        copy_corners(spare, m, base)
-        m = below(base, m, -R[a, 0], -R[a, 1], d * R[a, 2] - low[a], spare)
-        copy_corners(spare, m, base)
-    if m < 3 or area(base, m) < NOTHING:
-        return 0
-    size[0] = copy_corners(base, m, parts[0])
-    n = 1
+        m = below(out, m, R[a, 0], R[a, 1], high[a] - d * R[a, 2], spare)
+        copy_corners(spare, m, out)
+        m = below(out, m, -R[a, 0], -R[a, 1], d * R[a, 2] - low[a], spare)
+        copy_corners(spare, m, out)
+    return m
 
-    u_low, v_low, u_high, v_high = base[0, 0], base[0, 1], base[0, 0], base[0, 1]
-    for k in range(1, m):
-        u_low, u_high = min(u_low, base[k, 0]), max(u_high, base[k, 0])
-        v_low, v_high = min(v_low, base[k, 1]), max(v_high, base[k, 1])
-    beyond = np.array([hx + max(patch.front, patch.back), hy + patch.side])
-    half_u, half_v = 0.5 * (u_high - u_low), 0.5 * (v_high - v_low)
-    origin = np.empty(3)
-    for a in range(3):
-        origin[a] = R[a, 0] * (u_low + half_u) + R[a, 1] * (v_low + half_v) + R[a, 2] * d
-    reach = np.sqrt((half_u + beyond[0]) ** 2 + (half_v + beyond[1]) ** 2 + patch.clearance**2)
-    around = near(packed, origin[0] - reach, origin[1] - reach, origin[0] + reach, origin[1] + reach)
-    room = max(width + 8, CORNERS)
-    outline, hull = np.empty((room, 2)), np.empty((4 * room + 4, 2))
-    inside, outside = np.empty((parts.shape[1] + 4 * room, 2)), np.empty((parts.shape[1] + 4 * room, 2))
 
-    if not whole:
-        gaps, corners = np.empty((PARTS, CORNERS, 2)), np.empty(PARTS, np.int64)
-        scratch = np.empty((4, width + 4 + CORNERS, 3))
-        corners[0] = 4
-        for a in range(4):
-            gaps[0, a, 0] = (half_u + hx + 0.01) * (1.0 if (a == 0 or a == 3) else -1.0)
-            gaps[0, a, 1] = (half_v + hy + 0.01) * (1.0 if a < 2 else -1.0)
-        missing = take_floor(packed, surface, origin, R, reach, around, gaps, corners, 1, scratch)
-        if missing < 0:
-            return 0
-        box = (
-            -hx - PATCH_MARGIN - ROUNDING,
-            -hy - PATCH_MARGIN - ROUNDING,
-            hx + PATCH_MARGIN + ROUNDING,
-            hy + PATCH_MARGIN + ROUNDING,
-        )
-        for g in range(missing):
-            for k in range(corners[g]):
-                outline[k, 0], outline[k, 1] = gaps[g, k, 0] + u_low + half_u, gaps[g, k, 1] + v_low + half_v
-            n = subtract(hull, _meeting(outline, corners[g], box, hull), parts, size, n, inside, outside)
-            if n <= 0:
-                return 0
+@njit(cache=True)
+def _take_gaps(
+    packed: PackedTerrain,
+    surface: int,
+    R: np.ndarray,
+    patch: PatchShape,
+    window: tuple[float, float, float, float],
+    middle: np.ndarray,
+    reach: float,
+    around: np.ndarray,
+    parts: np.ndarray,
+    size: np.ndarray,
+    n: int,
+) -> int:
+    """Takes the points where the patch would reach beyond the surface's floor; how many parts are left, -1: no room for them."""
+    wide, long = patch.half_length + PATCH_MARGIN + ROUNDING, patch.half_width + PATCH_MARGIN + ROUNDING
+    gaps, corners = np.empty((PARTS, CORNERS, 2)), np.empty(PARTS, np.int64)
+    corners[0] = 4  # all around, before the floor is taken from it
+    for a in range(4):
+        gaps[0, a, 0] = (0.5 * (window[2] - window[0]) + wide) * (1.0 if (a == 0 or a == 3) else -1.0)
+        gaps[0, a, 1] = (0.5 * (window[3] - window[1]) + long) * (1.0 if a < 2 else -1.0)
+    scratch = np.empty((4, packed.vertices.shape[1] + 4 + CORNERS, 3))
+    missing = take_floor(packed, surface, middle, R, reach, around, gaps, corners, 1, scratch)
+    if missing < 0:
+        return -1
+    outline, hull = np.empty((CORNERS, 2)), np.empty((4 * CORNERS + 4, 2))
+    inside, outside = np.empty((parts.shape[1] + 4 * CORNERS, 2)), np.empty((parts.shape[1] + 4 * CORNERS, 2))
+    for g in range(missing):
+        for k in range(corners[g]):
+            outline[k, 0] = gaps[g, k, 0] + 0.5 * (window[0] + window[2])
+            outline[k, 1] = gaps[g, k, 1] + 0.5 * (window[1] + window[3])
+        m = _meeting(outline, corners[g], (-wide, -long, wide, long), hull)
+        n = subtract(hull, m, parts, size, n, inside, outside)
+        if n <= 0:
+            break
+    return n
 
+
+@njit(cache=True)
+def _take_covered(
+    packed: PackedTerrain,
+    surface: int,
+    R: np.ndarray,
+    patch: PatchShape,
+    window: tuple[float, float, float, float],
+    z: float,
+    reach: float,
+    around: np.ndarray,
+    parts: np.ndarray,
+    size: np.ndarray,
+    n: int,
+) -> int:
+    """Takes the points where something stands above the patch or its overhang; how many parts are left, -1: no room for them."""
     box = (
-        -hx - patch.back - ROUNDING,
-        -hy - patch.side - ROUNDING,
-        hx + patch.front + ROUNDING,
-        hy + patch.side + ROUNDING,
+        -patch.half_length - patch.back - ROUNDING,
+        -patch.half_width - patch.side - ROUNDING,
+        patch.half_length + patch.front + ROUNDING,
+        patch.half_width + patch.side + ROUNDING,
     )
-    work = np.empty((2, width + 8, 3))
+    room = packed.vertices.shape[1] + 8
+    outline, hull, work = np.empty((room, 2)), np.empty((4 * room + 4, 2)), np.empty((2, room, 3))
+    inside, outside = np.empty((parts.shape[1] + 4 * room, 2)), np.empty((parts.shape[1] + 4 * room, 2))
     for q in range(around.shape[0]):
         k = around[q]
-        if k == surface or packed.low[k, 2] > origin[2] + reach or packed.high[k, 2] < origin[2] - reach:
+        if k == surface or packed.low[k, 2] > z + reach or packed.high[k, 2] < z - reach:
             continue
-        m = _outline(packed.vertices[k], packed.count[k], R, d, patch.clearance, work, outline)
-        if m == 0:
-            continue
-        apart_u, apart_v = True, True
-        for c in range(m):
-            if u_low + box[0] <= outline[c, 0] <= u_high + box[2]:
-                apart_u = False
-            if v_low + box[1] <= outline[c, 1] <= v_high + box[3]:
-                apart_v = False
-        if (apart_u and _one_side(outline, m, 0, u_low + box[0], u_high + box[2])) or (
-            apart_v and _one_side(outline, m, 1, v_low + box[1], v_high + box[3])
+        m = _outline(packed.vertices[k], packed.count[k], R, packed.offset[surface], patch.clearance, work, outline)
+        if (
+            m == 0
+            or _one_side(outline, m, 0, window[0] + box[0], window[2] + box[2])
+            or _one_side(outline, m, 1, window[1] + box[1], window[3] + box[3])
         ):
             continue
         n = subtract(hull, _meeting(outline, m, box, hull), parts, size, n, inside, outside)
         if n <= 0:
-            return 0
+            break
     return n
 
 

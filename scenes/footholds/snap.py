@@ -286,19 +286,7 @@ def _snap_feet(
                 if patch_fits(packed, k, q, R, patch, around, work):
                     best, best_room, best_surface, best_yaw = min(best, cost), room, k, heading
                     placed.p[m], placed.R[m] = q, R
-        if best_surface < 0:
-            continue
-        new = True
-        for j in range(xy_yaw.shape[0]):
-            if j == m or placed.surface[j] != best_surface or abs(_wrapped(xy_yaw[j, 2] - best_yaw)) > 2.1 * TURN:
-                continue
-            away = 0.0
-            for a in range(3):
-                away += (placed.p[j, a] - placed.p[m, a]) ** 2
-            if away < snap.apart * snap.apart:
-                new = False
-                break
-        if new:
+        if best_surface >= 0 and not _doubled(placed, m, best_surface, snap.apart, xy_yaw[:, 2], best_yaw):
             placed.surface[m] = best_surface
             xy_yaw[m, 2] = best_yaw
     return xy_yaw.shape[0]
@@ -323,6 +311,7 @@ def _snap_palms(
     turn = int(np.round((heading - table.heading[0]) / TURN)) % TURNS
     p, q = np.empty(3), np.empty(3)
     ray, anywhere, corners = np.empty((1, 3)), np.empty((0, 4)), np.empty((2, most_corners(packed), 2))
+    same = np.zeros(rays.shape[0])  # headings of palms do not matter
     one = (np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1, np.int64))
     for m in range(done, rays.shape[0]):
         if placed.surface[m] >= 0:
@@ -354,6 +343,7 @@ def _snap_palms(
                 if tile < 0:
                     break
                 if region_of(packed, table, tile, k, turn, patch, True) < 0:
+                    placed.surface[m] = -1  # it is looked at again, from the start
                     return m
             if room < 0.0 or away >= best:
                 continue
@@ -367,17 +357,23 @@ def _snap_palms(
             if one[2][0] == k:
                 best = away
                 placed.p[m], placed.R[m], placed.surface[m] = one[0][0], one[1][0], k
-        if placed.surface[m] < 0:
-            continue
-        for j in range(rays.shape[0]):
-            if j != m and placed.surface[j] == placed.surface[m]:
-                away = 0.0
-                for a in range(3):
-                    away += (placed.p[j, a] - placed.p[m, a]) ** 2
-                if away < snap.apart * snap.apart:
-                    placed.surface[m] = -1
-                    break
+        if placed.surface[m] >= 0 and _doubled(placed, m, placed.surface[m], snap.apart, same, 0.0):
+            placed.surface[m] = -1
     return rays.shape[0]
+
+
+@njit(cache=True)
+def _doubled(placed: Placements, m: int, surface: int, apart: float, yaw: np.ndarray, heading: float) -> bool:
+    """Whether another candidate on this surface is so near to number m, and has about this heading."""
+    for j in range(yaw.shape[0]):
+        if j == m or placed.surface[j] != surface or abs(_wrapped(yaw[j] - heading)) > 2.1 * TURN:
+            continue
+        away = 0.0
+        for a in range(3):
+            away += (placed.p[j, a] - placed.p[m, a]) ** 2
+        if away < apart * apart:
+            return True
+    return False
 
 
 @njit(cache=True)

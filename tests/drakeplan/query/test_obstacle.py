@@ -26,6 +26,7 @@ ESCHER = load_robot("escher")
 IK = WholeBodyIK(ESCHER)
 AMPLE = 20.0  # [s] the budgets of expansions are what ends a search here
 FEET = PlannerOptions(use_palms=False)
+FIXED = PlannerOptions(use_palms=False, footholds="fixed")
 
 
 def slab(name: str, x: tuple[float, float], y: tuple[float, float] = (-0.6, 0.6), friction: float = 0.7) -> Surface:
@@ -44,12 +45,14 @@ def obstacle(of: QueryContext, options: PlannerOptions = FEET) -> Obstacle:
     return found
 
 
-@pytest.mark.parametrize("gap", [0.35, 0.4, 0.45])
-def test_a_gap_names_the_steps_that_cross_it(gap: float) -> None:
-    enough = "long_stride"
-    found = obstacle(context([slab("here", (-0.8, 0.5)), slab("there", (0.5 + gap, 2.2 + gap))], 1.2 + gap))
+@pytest.mark.parametrize(("steps", "gap"), [*((FIXED, gap) for gap in (0.35, 0.4, 0.45)), (FEET, 0.45), (FEET, 0.5)])
+def test_a_gap_names_the_steps_that_cross_it(steps: PlannerOptions, gap: float) -> None:
+    enough, reach = "long_stride", {"fixed": 0.4, "snapped": 0.5}[steps.footholds]
+    on = context([slab("here", (-0.8, 0.5)), slab("there", (0.5 + gap, 2.2 + gap))], 1.2 + gap)
+    found = obstacle(on, steps)
     assert (found.kind, found.obstacle, found.remedy) == ("stride", "there", f"--transition-model {enough}")
-    assert found.limit["stride_m"] >= gap + 2 * ESCHER.effectors[0].half_extent[0] > found.limit["reach_m"] == 0.4
+    assert found.limit["reach_m"] == reach
+    assert found.limit["stride_m"] >= gap + 2 * ESCHER.effectors[0].half_extent[0] > reach
     assert found.place is not None and 0.3 < found.place[0] < 0.7 + gap
     assert found.tested[f"steps of {enough}"] == "found"
     assert list(found.tested.values()).count("found") == 1
@@ -93,6 +96,10 @@ def test_friction_that_holds_a_foot_is_no_rung() -> None:
     longest = PlannerOptions(model=transition_model("leap_stride"))
     assert "stride" not in [rung.kind for rung in relaxations(on, longest)]
     assert [rung.kind for rung in relaxations(on, FEET)] == ["search", "stride", "stride", "sole"]
+    tried = PlannerOptions(use_palms=False, longer=transition_model("long_stride"))
+    assert [rung.remedy for rung in relaxations(on, tried) if rung.kind == "stride"] == [
+        "--transition-model leap_stride"
+    ]
 
 
 def test_stones_of_a_sole_are_called_small() -> None:
@@ -114,7 +121,9 @@ def test_what_feet_alone_do_is_said_with_the_option_for_it() -> None:
 
 def test_a_query_carries_what_stands_in_its_way_as_a_sentence_and_as_data() -> None:
     scene = context([slab("here", (-0.8, 0.5)), slab("there", (1.02, 2.6))], 1.7).scene
-    options = PlanOptions(dynamics="quasi-static", use_palms=False, full_soles=True, expansions=20, deadline=120.0)
+    options = PlanOptions(
+        dynamics="quasi-static", use_palms=False, full_soles=True, footholds="fixed", expansions=20, deadline=120.0
+    )
     result = plan_scene(scene, ESCHER, options)
     assert result.status == "none" and "goal unreachable" in result.reason
     # Which of the two is found first depends on what the machine does in a second.

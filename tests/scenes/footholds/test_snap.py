@@ -209,3 +209,17 @@ def test_a_palm_is_moved_to_a_place_that_a_ray_from_the_shoulder_meets(seed: int
             np.testing.assert_allclose(placed.p[0], p[k], atol=1e-6)
             moved += 1
     assert moved > 5
+
+
+def test_palms_do_not_depend_on_what_was_found_before() -> None:
+    packed = pack_terrain(load_scene("random_surfaces", seed=2).terrain)
+    rng, ray = np.random.default_rng(0), rays()
+    origins = [np.array([rng.uniform(0.4, 2.0), rng.uniform(0.1, 0.4), 1.35]) for _ in range(20)]
+    used = Footholds(packed, 0.0, Snap())
+    for origin in origins:
+        used.place_palms(2, origin, ray, 0.0, (0.2, 0.78), PALM)
+    for origin in origins:
+        again = used.place_palms(2, origin, ray, 0.0, (0.2, 0.78), PALM)
+        first = Footholds(packed, 0.0, Snap()).place_palms(2, origin, ray, 0.0, (0.2, 0.78), PALM)
+        assert np.array_equal(again.surface, first.surface)
+        assert np.array_equal(again.p[again.surface >= 0], first.p[first.surface >= 0])
