@@ -158,7 +158,8 @@ def _feet_first(
     if planner.start_problem():
         return None
     result = Query(context, feet, planner, alone, tell).run(search_for, FEET_REPAIRS)
-    return result if result.status == "complete" or context.deadline.why() == "cancelled" else None
+    over = context.deadline.left() <= reserve(options) or context.deadline.why()
+    return result if result.status == "complete" or over else None
 
 
 def _planner_options(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> PlannerOptions:
