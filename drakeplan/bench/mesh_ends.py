@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from scenes.footholds.floors import floors_at
 from scenes.footholds.start_stance import feet_down
@@ -38,7 +38,7 @@ def ends_of(terrain: Terrain, robot: Robot) -> Ends | None:
     found = _places(terrain, robot)
     if len(found) < 2:
         return None
-    one, other = cKDTree(found[:, :2]).query_pairs(ACROSS, output_type="ndarray").T
+    one, other = KDTree(found[:, :2]).query_pairs(ACROSS, output_type="ndarray").T
     near = np.abs(found[one, 2] - found[other, 2]) <= RISE
     links = coo_matrix((np.ones(int(near.sum())), (one[near], other[near])), shape=(len(found),) * 2)
     _, label = connected_components(links, directed=False)

@@ -160,23 +160,23 @@ def walled_off(
 
 
 def surfaces_in_reach(
-    terrain: Terrain, robot: Robot, model: TransitionModel, start: Stance, goal: Goal, feet: list[int], stretch: float
+    terrain: Terrain, robot: Robot, reach: float, start: Stance, goal: Goal, feet: list[int], stretch: float
 ) -> bool:
     """Whether chains of steps over some surfaces alone may lead from the start to the goal.
 
     Args:
         terrain: has the surfaces.
         robot: gives the greatest height of a step.
-        model: gives the reach of a step.
+        reach: how far apart a step sets the feet at most, in the plan view [m].
         start: the first stance; its surfaces are among those.
         goal: region and floor.
         feet: numbers of the surfaces that may be used.
         stretch: strides that a step between two of them may be long and high.
     """
-    reach, rise = stretch * float(np.hypot(*model.steps[:, :2].T).max()), stretch * robot.max_step_height
+    far, rise = stretch * reach, stretch * robot.max_step_height
     plans, heights = _plans(terrain, feet)
-    reached = _connected(plans, heights, reach, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
-    return bool((reached & _at_goal(plans, heights, goal, reach / stretch, rise / stretch)).any())
+    reached = _connected(plans, heights, far, rise, [feet.index(c.surface) for c in start.contacts[:2] if c])
+    return bool((reached & _at_goal(plans, heights, goal, reach, robot.max_step_height)).any())
 
 
 def _plans(terrain: Terrain, feet: list[int]) -> tuple[np.ndarray, np.ndarray]:

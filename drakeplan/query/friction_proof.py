@@ -42,12 +42,15 @@ def too_slippery(context: QueryContext, options: PlannerOptions) -> Surface | No
     closed = [k for k in feet if _lack(terrain.surfaces[k], context.cone) > 1e-6]
     if not closed or any(c.surface in closed for c in context.start.contacts[:2] if c):
         return None  # of a start on such ground the search says at once that nobody stands there
-    if not surfaces_in_reach(terrain, robot, options.model, context.start, context.goal, feet, 1.0):
+    reach = options.step_reach(robot)
+    if not context.full_soles:  # the middle of a sole may be beside what carries it
+        reach += 2 * float(np.hypot(*robot.effectors[0].half_extent))
+    if not surfaces_in_reach(terrain, robot, reach, context.start, context.goal, feet, 1.0):
         return None  # friction is not what is in the way
     stretches = [(closed, 1.0)] if options.dynamics == "quasi-static" else _no_runs(closed, context, options)
     for left_out, stretch in stretches:
         ground = sorted(set(feet) - set(left_out))
-        if not surfaces_in_reach(terrain, robot, options.model, context.start, context.goal, ground, stretch):
+        if not surfaces_in_reach(terrain, robot, reach, context.start, context.goal, ground, stretch):
             return max((terrain.surfaces[k] for k in left_out), key=lambda s: _lack(s, context.cone))
     return None
 

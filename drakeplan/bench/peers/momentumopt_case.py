@@ -31,6 +31,7 @@ from scenes.effector import EFFECTORS
 from scenes.gravity import GRAVITY
 from scenes.input_error import InputError
 
+WHOLE = 1e-6  # of a knot: quotients of decimal numbers end this near below whole ones
 LETTERS = ("lf", "rf", "lh", "rh")  # the file's names of our end effectors, in our order
 CONES = {"LinearCone": FrictionCone.DIAMOND, "SocCone": FrictionCone.SECOND_ORDER}
 FREE = (math.inf, math.inf, math.inf)
@@ -45,7 +46,8 @@ class Variant:
         name: in the file.
         problem, options: in the terms of drakeplan; reach is missing in them (see `build`).
         goal: (3,) where the CoM should end [m].
-        reach: (E,) greatest distance from the CoM to a centre of pressure [m].
+        reach: (E,) greatest distance from the CoM plus `offset` to a centre of pressure [m].
+        offset: (E, 3) of legs and arms from the CoM, in W [m].
         cop_range: (E, 4) least and greatest x, least and greatest y of the centre of pressure [m].
         torque_range: (2,) least and greatest normal torque [N m].
         least_height: of the CoM [m].
@@ -53,6 +55,7 @@ class Variant:
         reference_dt: (N-1,) the reference's intervals where it chose them, else None [s].
         dt_range: (2,) least and greatest interval where they are free, else None [s].
         time_weight: on the squared change of each interval [1/s^2].
+        fixed_horizon: whether free intervals keep their sum.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Variant:
     options: CentroidalOptions
     goal: np.ndarray
     reach: np.ndarray
+    offset: np.ndarray
     cop_range: np.ndarray
     torque_range: np.ndarray
     least_height: float
@@ -67,9 +71,10 @@ class Variant:
     reference_dt: np.ndarray | None
     dt_range: tuple[float, float] | None
     time_weight: float
+    fixed_horizon: bool
 
     def build(self, problem: CentroidalProblem, options: CentroidalOptions) -> CentroidalProgram:
-        """The program with the reference's reach: |com - p - R cop| <= reach + ARM s, a cone in com, z and s.
+        """The program with the reference's reach: |com + offset - p - R cop| <= reach + ARM s, a cone in com, z and s.
 
         Args:
             problem: of this variant, perhaps with another timing.
@@ -84,7 +89,9 @@ class Variant:
             A[0, 5] = ARM
             A[1:, :3] = np.eye(3)
             A[1:, 3:5] = -R_WC[held][:, :2] * 2 * problem.half_extent[e]  # z is the pressure centre over the lengths
-            cone = LorentzConeConstraint(A, np.array([self.reach[e], *(problem.initial_com - p_WC[held])]))
+            cone = LorentzConeConstraint(
+                A, np.array([self.reach[e], *(problem.initial_com + self.offset[e] - p_WC[held])])
+            )
             cone.set_description("reach to the pressure centre")
             program.prog.AddConstraint(cone, np.concatenate([program.com[n], program.z[j, :2], program.s[n]]))
         return program
@@ -153,7 +160,7 @@ class Variant:
                 ("friction", max(side - contact.friction * fz, -fz)),
                 ("pressure centre", float(np.max(np.maximum(low - cop, cop - high)))),
                 ("torque", max(self.torque_range[0] - t.torque_n[n, e], t.torque_n[n, e] - self.torque_range[1])),
-                ("reach", float(np.linalg.norm(arm)) - self.reach[e]),
+                ("reach", float(np.linalg.norm(arm - self.offset[e])) - self.reach[e]),
             ):
                 worst[rule] = max(worst[rule], float(amount))
         idle = np.where((schedule.active < 0)[..., None], t.force_W[:-1], 0.0)
@@ -205,10 +212,10 @@ def _variant(name: str, data: dict) -> Variant:
     if not np.allclose(ranges[:, 1::2], -ranges[:, ::2]) or planner["gravity"] != GRAVITY:
         raise ValueError("pressure centres off the contact's middle and another gravity are not supported")
     rf, lf, rh, lh = planner["max_eef_lengths"]
-    if any(np.any(planner[f"eff_offset_{letters}"]) for letters in ("lf", "rf")):
-        raise ValueError("legs that are not measured from the CoM are not supported")
-    if data["contact_plan"]["effcnt_rh"] or data["contact_plan"]["effcnt_lh"]:
-        raise ValueError("contacts of hands are not supported")
+    offset = np.array([planner.get(f"eff_offset_{letters}", (0.0, 0.0, 0.0)) for letters in LETTERS], float)
+    hands = data["contact_plan"]["effcnt_rh"] or data["contact_plan"]["effcnt_lh"]
+    if hands and any(planner[f"w_{name}_arm"] != planner[f"w_{name}_leg"] for name in ("frc", "trq")):
+        raise ValueError("weights of arms that differ from those of legs are not supported")
     reference = tuple(np.array(data["reference"][key], float) for key in ("com", "lmom", "amom"))
     if any(part.shape != (schedule.num_knots - 1, 3) or not np.isfinite(part).all() for part in reference):
         raise ValueError(f"the reference of {name} does not have three finite numbers for each knot")
@@ -218,6 +225,7 @@ def _variant(name: str, data: dict) -> Variant:
         options=_options(planner),
         goal=goal,
         reach=np.array([lf, rf, lh, rh], float),
+        offset=offset,
         cop_range=ranges,
         torque_range=np.array(planner["torque_range"], float),
         least_height=float(least_height),
@@ -225,12 +233,13 @@ def _variant(name: str, data: dict) -> Variant:
         reference_dt=np.array(data["derived_dt"], float) if "derived_dt" in data else None,
         dt_range=tuple(planner["time_range"]) if "time_range" in planner else None,
         time_weight=float(planner.get("w_time", 0.0)) if "time_range" in planner else 0.0,
+        fixed_horizon=bool(planner.get("is_time_horizon_fixed", False)),
     )
 
 
 def _schedule(plan: dict, planner: dict) -> ContactSchedule:
     step = planner["time_step"]
-    times = step * (1 + np.arange(round(planner["time_horizon"] / step))) + 1e-9  # of their knots
+    times = step * (1 + np.arange(int(np.floor(planner["time_horizon"] / step + WHOLE)))) + 1e-9  # of their knots
     contacts: list[Contact] = []
     active = np.full((len(times), len(EFFECTORS)), -1)
     for e, letters in enumerate(LETTERS):

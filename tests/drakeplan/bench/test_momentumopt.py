@@ -155,6 +155,50 @@ def test_free_intervals_beat_the_best_fixed_ones(twin: dict, tmp_path: Path) -> 
     assert free[OBJECTIVE] < 0.95 * fixed[OBJECTIVE]
 
 
+def test_a_horizon_that_is_fixed_stays(twin: dict, tmp_path: Path) -> None:
+    entry = twin["variants"]["twin"]
+    entry["planner_variables"].update(time_range=[0.05, 0.2], w_time=10.0, is_time_horizon_fixed=True)
+    entry["derived_dt"] = [DT] * N
+    path = tmp_path / "case.json"
+    path.write_text(json.dumps(twin), encoding="utf-8")
+    (variant,) = read_case(path)
+    assert variant.fixed_horizon
+    fixed, bound = rows_of(twin, tmp_path)
+    entry["planner_variables"]["is_time_horizon_fixed"] = False
+    _, free = rows_of(twin, tmp_path)
+    assert free[OBJECTIVE] < bound[OBJECTIVE] <= fixed[OBJECTIVE] * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(("horizon", "knots"), [(1.2, 12), (1.26, 12), (1.29, 12), (1.3, 13)])
+def test_a_horizon_has_the_knots_that_fit_into_it(horizon: float, knots: int, twin: dict, tmp_path: Path) -> None:
+    entry = twin["variants"]["twin"]
+    entry["planner_variables"]["time_horizon"] = horizon
+    entry["reference"] = {key: np.zeros((knots, 3)).tolist() for key in ("com", "lmom", "amom")}
+    path = tmp_path / "case.json"
+    path.write_text(json.dumps(twin), encoding="utf-8")
+    assert len(read_case(path)[0].problem.schedule.dt) == knots
+
+
+def test_hands_carry_as_feet_do_and_reach_from_their_offset(twin: dict, tmp_path: Path) -> None:
+    """Two hands in the places of the feet give the same lift, as far as arms reach from the shoulders."""
+    (on_feet,) = rows_of(twin, tmp_path)
+    entry = twin["variants"]["twin"]
+    plan, planner = entry["contact_plan"], entry["planner_variables"]
+    plan["effcnt_lh"], plan["effcnt_rh"] = plan["effcnt_lf"], plan["effcnt_rf"]
+    plan["effcnt_lf"], plan["effcnt_rf"] = [], [[98.0, 99.0, *plan["effcnt_rf"][0][2:]]]  # a foot that comes too late
+    planner.update(w_frc_arm=planner["w_frc_leg"], w_trq_arm=planner["w_trq_leg"])
+    planner.update(eff_offset_lh=[0.0, 0.0, -0.4], eff_offset_rh=[0.0, 0.0, -0.4])
+    (on_hands,) = rows_of(twin, tmp_path)
+    assert on_hands[VERDICT] == on_feet[VERDICT] == "within"
+    assert on_hands[OBJECTIVE] == pytest.approx(on_feet[OBJECTIVE], rel=1e-4)
+    planner.update(eff_offset_lh=[0.0, 0.0, 0.0], eff_offset_rh=[0.0, 0.0, 0.0])
+    (too_far,) = rows_of(twin, tmp_path)
+    assert too_far[VERDICT] in ("no answer", "breaks a rule", "higher")
+    planner["w_trq_arm"] = 7.0
+    with pytest.raises(InputError, match="weights of arms"):
+        rows_of(twin, tmp_path)
+
+
 def test_without_a_case_the_table_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DRAKEPLAN_CASES", raising=False)
     table = momentumopt.run(BenchOptions())

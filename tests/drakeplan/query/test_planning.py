@@ -184,3 +184,12 @@ def test_the_same_seed_and_budget_give_the_same_plan_bit_for_bit(tmp_path: Path)
     assert len(names) > 15
     for name in names:
         np.testing.assert_array_equal(files[0][name][()], files[1][name][()], err_msg=name)
+
+
+@pytest.mark.slow
+def test_a_wall_that_the_feet_do_not_need_is_not_touched() -> None:
+    wall = Surface("wall", np.array([[-0.5, 0.6, 0.0], [3.0, 0.6, 0.0], [3.0, 0.6, 2.0], [-0.5, 0.6, 2.0]]))
+    assert wall.allows("left_palm") or wall.allows("right_palm")
+    result = plan(on(Terrain((floor("floor", (-1.0, 2.0)), wall)), goal=(0.6, 0.0, 0.0)))
+    assert result.status == "complete", result.reason
+    assert result.report["palms_used"] == 0
