@@ -91,9 +91,16 @@ def _chained(
     tree: KinematicTree, targets: TrackingTargets, q: np.ndarray, order: int, max_iterations: int
 ) -> TrackedPostures:
     """All postures, each solved from its neighbour; `order` 1 walks forwards, -1 backwards."""
-    per_frame = ("X_WE", "place_weight", "turn_weight", "com", "com_weight", "q_ref")
     turned = TrackingTargets(
-        *(getattr(targets, name)[::order] for name in per_frame), targets.posture_weight, targets.lower, targets.upper
+        targets.X_WE[::order],
+        targets.place_weight[::order],
+        targets.turn_weight[::order],
+        targets.com[::order],
+        targets.com_weight[::order],
+        targets.q_ref[::order],
+        targets.posture_weight,
+        targets.lower,
+        targets.upper,
     )
     found = track_postures(tree, turned, q[::order], chained=True, max_iterations=max_iterations)
     return TrackedPostures(
