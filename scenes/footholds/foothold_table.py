@@ -21,6 +21,7 @@ from scenes.terrain.packed_terrain import PackedTerrain
 TURNS = 72  # headings that footholds are looked for at: every 5 deg, the resolution of `ContactPool`
 TURN = 2.0 * np.pi / TURNS
 TILE = 1.0  # [m] edge of the pieces that large surfaces are looked at in
+MOST_TILES = 1_000_000  # a terrain with more of them gets larger ones
 ROWS, REGIONS, PIECES, CORNERS_USED = 0, 1, 2, 3  # places in `count`
 
 
@@ -29,8 +30,9 @@ class FootholdTable(NamedTuple):
 
     Attributes:
         heading: (1,) of turn 0 in W [rad].
+        edge: (1,) of a tile [m].
         tile_start: (S + 1,) the tiles of surface k are tile_start[k] to tile_start[k + 1].
-        tiles: (S, 3) how many there are along each axis of W.
+        tiles: (S, 3) how many there are along each axis of W, 1 along that of the least extent: a surface is flat.
         row: (tiles,) row of `region` that a tile has, -1 before it is first asked for.
         region: (rows, TURNS) number of the region of a tile at each heading, -1 before it is first asked for.
         part_start: (regions + 1,) the parts of region k are part_start[k] to part_start[k + 1].
@@ -41,6 +43,7 @@ class FootholdTable(NamedTuple):
     """
 
     heading: np.ndarray
+    edge: np.ndarray
     tile_start: np.ndarray
     tiles: np.ndarray
     row: np.ndarray
@@ -60,10 +63,17 @@ def foothold_table(packed: PackedTerrain, heading: float = 0.0) -> FootholdTable
         heading: of turn 0 in W [rad]; headings of the table are this and multiples of `TURN` from it.
     """
     size = packed.num_surfaces
-    tiles = np.maximum(np.ceil((packed.high[:size] - packed.low[:size]) / TILE), 1).astype(np.int64)
+    extent, edge = packed.high[:size] - packed.low[:size], TILE
+    extent[np.arange(size), extent.argmin(axis=1)] = 0.0
+    tiles = np.maximum(np.ceil(extent / edge), 1.0)
+    while tiles.prod(axis=1).sum() > max(MOST_TILES, 4 * size):
+        edge *= 2.0
+        tiles = np.maximum(np.ceil(extent / edge), 1.0)
+    tiles = tiles.astype(np.int64)
     start = np.concatenate([[0], np.cumsum(tiles.prod(axis=1))]).astype(np.int64)
     table = FootholdTable(
         heading=np.array([heading]),
+        edge=np.array([edge]),
         tile_start=start,
         tiles=tiles,
         row=np.full(start[-1], -1, np.int32),
@@ -146,8 +156,10 @@ def region_of(
     for a in range(3):
         cell = rest % table.tiles[surface, a]
         rest //= table.tiles[surface, a]
-        low[a] = packed.low[surface, a] + cell * TILE - 1e-6
-        high[a] = packed.low[surface, a] + (cell + 1) * TILE + 1e-6
+        low[a], high[a] = packed.low[surface, a] - 1e-6, packed.high[surface, a] + 1e-6
+        if table.tiles[surface, a] > 1:
+            low[a] += cell * table.edge[0]
+            high[a] = low[a] + table.edge[0] + 2e-6
     parts, size = np.empty((PARTS, width, 2)), np.empty(PARTS, np.int64)
     n = fit_region(packed, surface, R, patch, low, high, parts, size)
     bounds = table.bounds[regions]

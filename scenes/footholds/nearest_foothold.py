@@ -12,7 +12,7 @@ from numba import njit
 
 from scenes.footholds.convex_parts import NOTHING, area, copy_corners
 from scenes.footholds.fit_region import below
-from scenes.footholds.foothold_table import TILE, TURN, FootholdTable
+from scenes.footholds.foothold_table import TURN, FootholdTable
 from scenes.footholds.projection import contact_axes
 
 
@@ -70,9 +70,9 @@ def nearest_on_surface(
     known = False
     u, v, d = 0.0, 0.0, plane.offset
     count = table.tiles[plane.surface]
-    i0, i1 = _tile_range(plane.low[0], count[0], p[0], radius)
-    j0, j1 = _tile_range(plane.low[1], count[1], p[1], radius)
-    k0, k1 = _tile_range(plane.low[2], count[2], p[2], radius)
+    i0, i1 = _tile_range(plane.low[0], count[0], table.edge[0], p[0], radius)
+    j0, j1 = _tile_range(plane.low[1], count[1], table.edge[0], p[1], radius)
+    k0, k1 = _tile_range(plane.low[2], count[2], table.edge[0], p[2], radius)
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
             for k in range(k0, k1 + 1):
@@ -119,12 +119,12 @@ def _is_near(bounds: np.ndarray, p: np.ndarray, radius: float) -> bool:
 
 
 @njit(cache=True)
-def _tile_range(low: float, count: int, at: float, radius: float) -> tuple[int, int]:
+def _tile_range(low: float, count: int, edge: float, at: float, radius: float) -> tuple[int, int]:
     """First and last of the tiles from `low` on that are within a radius of a coordinate."""
     if count == 1:
         return 0, 0
     along = at - low
-    return max(int(np.floor((along - radius) / TILE)), 0), min(int(np.floor((along + radius) / TILE)), count - 1)
+    return max(int(np.floor((along - radius) / edge)), 0), min(int(np.floor((along + radius) / edge)), count - 1)
 
 
 @njit(cache=True)

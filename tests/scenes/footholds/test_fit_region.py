@@ -11,7 +11,7 @@ from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
 from scenes.files.scene_source import load_scene
-from scenes.footholds.foothold_table import TURNS
+from scenes.footholds.foothold_table import TURNS, foothold_table
 from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE, PATCH_MARGIN, PatchShape
 from scenes.footholds.snap import Footholds
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
@@ -150,3 +150,15 @@ def test_regions_do_not_depend_on_which_was_asked_for_first() -> None:
     for key, parts in one.items():
         assert len(parts) == len(two[key])
         assert all(np.array_equal(a, b) for a, b in zip(parts, two[key], strict=True))
+
+
+@pytest.mark.parametrize("size", [3e3, 1e6])
+def test_a_floor_of_any_size_takes_little_memory(size: float) -> None:
+    packed = pack_terrain(
+        Terrain((plate("floor", (-size, size), (-size, size)), plate("stone", (0.0, 0.5), (0.0, 0.5), 0.2)))
+    )
+    table = foothold_table(packed)
+    assert table.row.nbytes < 10e6
+    footholds = Footholds(packed)
+    R, stone = region(footholds, 1, 0, SOLE, False)
+    assert_same(stone, expected(packed, 1, R, SOLE))
