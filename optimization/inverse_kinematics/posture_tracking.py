@@ -33,7 +33,7 @@ from optimization.inverse_kinematics.frame_task import (
 from optimization.multibody.kinematic_tree import KinematicTree, difference, forward, integrate
 
 STEP = 0.4  # [rad, m] greatest change of any unknown in one Gauss-Newton step
-WORSE = 1e-9  # relative increase of the cost that counts as one
+PATIENCE = 6  # full steps without a better posture than the best so far, before damped ones
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e4  # relative to the diagonal, tenfold each time a step makes it worse
 CONVERGED = 2e-5  # [rad, m] a step this small ends a frame
 
@@ -89,31 +89,33 @@ def track_postures(
 def _solve_frame(tree: KinematicTree, frame: FrameTask, q: np.ndarray, max_iterations: int, errors: FrameErrors) -> int:
     """Gauss-Newton from q, in place; returns the steps taken. Errors are those before the last, converged step.
 
-    A step after which the cost is greater is taken back and damped (Levenberg 1944, Marquardt 1963): near a stretched
-    limb the undamped step goes to and fro without end.
+    Full steps may climb for a while: held contacts bend the way to the minimum (the watchdog of Chamberlain et al. 1982).
+    Where `PATIENCE` of them bring nothing better, as near a stretched limb, the frame goes on from the best so far with
+    damped steps that have to descend (Levenberg 1944, Marquardt 1963).
     """
     nv, n = frame.posture_weight.shape[0], tree.parent.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
     m = nv + frame.last - frame.first  # a slack for each distance
     H, g, dv = np.empty((m, m)), np.empty(m), np.zeros(m)
-    best_H, best_g, best_q, best, damping = H.copy(), g.copy(), q.copy(), np.inf, 0.0
+    best_H, best_g, best_q, best = H.copy(), g.copy(), q.copy(), np.inf
+    damping, climbing = 0.0, 0
     low, high, side = np.zeros(m), np.full(m, np.inf), np.zeros(m, np.int64)
     for it in range(max_iterations + 1):
         forward(tree, q, R, p)
         cost = normal_equations(tree, frame, R, p, q, H, g, errors) + missing_distances(tree, frame, R, p)
-        worse = cost > (1.0 + WORSE) * best
-        if worse:
-            damping = max(10.0 * damping, FIRST_DAMPING)
-            q[:] = best_q
-        else:
+        if cost < best:
             best_H[:], best_g[:], best_q[:], best = H, g, q, cost
-            damping = 0.1 * damping if damping > FIRST_DAMPING else 0.0
+            damping, climbing = (0.1 * damping if damping > FIRST_DAMPING else 0.0), 0
+        else:
+            climbing += 1
+            if damping > 0.0 or climbing >= PATIENCE or it == max_iterations:
+                damping = max(10.0 * damping, FIRST_DAMPING)
+                H[:], g[:], q[:] = best_H, best_g, best_q
         if it == max_iterations or damping > MOST_DAMPING:
-            if worse:
+            if climbing > 0:
                 forward(tree, q, R, p)
                 normal_equations(tree, frame, R, p, q, H, g, errors)
             return it
-        H[:], g[:] = best_H, best_g
         for i in range(nv):
             H[i, i] *= 1.0 + damping
             low[i], high[i] = -STEP, STEP

@@ -131,3 +131,25 @@ def test_frames_are_solved_alone_and_those_left_out_keep_their_posture():
     assert only.iterations.tolist()[::2] == [0, 0]
     alone = track_postures(TREE, frame_targets(wanted, 1), wanted.q_ref[1:2], max_iterations=60)
     assert np.allclose(only.q[1], alone.q[0], atol=1e-9)
+
+
+def test_no_start_ends_worse_than_it_began_and_a_stretched_arm_reaches_what_it_can():
+    """Undamped steps go to and fro where a limb is nearly straight."""
+    rng = np.random.default_rng(5)
+    arm = [KINEMATICS.joint_names.index(name) for name in ("left_shoulder_pitch", "left_shoulder_roll", "left_elbow")]
+    reached = []
+    for _ in range(12):
+        q = np.array(nominal_posture(ROBOT))
+        q[7 + np.array(arm)] = rng.uniform(-1.2, 0.3), rng.uniform(0.2, 1.6), -0.05
+        wanted = targets(com_shift=(*rng.uniform(-0.02, 0.02, 2), -0.01))
+        wanted.X_WE[0, 2], wanted.place_weight[0, 2], wanted.turn_weight[0, 2] = (
+            KINEMATICS.effector_poses(q)[2],
+            300,
+            90,
+        )
+        start = np.array(nominal_posture(ROBOT))
+        start[7:] = np.clip(start[7:] + rng.uniform(-0.5, 0.5, NV - 6), TREE.lower, TREE.upper)
+        answer = track_postures(TREE, wanted, start[None], chained=False, max_iterations=60)
+        assert cost(wanted, answer.q[0]) <= cost(wanted, start) + 1e-9
+        reached.append(answer.effector_error.max() < 5e-3)
+    assert np.mean(reached) > 0.8

@@ -90,8 +90,8 @@ def cost(targets: TrackingTargets, links: MomentumTargets, q: np.ndarray) -> flo
         h = np.concatenate([A[:3] @ v[-1], linear])
         total += float(((links.weight[t] * (h - links.momentum[t])) ** 2).sum())
         total += float(((SPEED_WEIGHT * np.maximum(np.abs(v[-1][6:]) - links.speed, 0.0)) ** 2).sum())
-    for before, after in zip([links.v_start, *v], [*v, links.v_end], strict=True):
-        total += float(((links.smooth * (after - before) / STEP) ** 2).sum())
+    for smooth, before, after in zip(links.smooth, [links.v_start, *v], [*v, links.v_end], strict=True):
+        total += float(((smooth * (after - before) / STEP) ** 2).sum())
     return total
 
 
