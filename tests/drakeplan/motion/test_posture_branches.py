@@ -73,13 +73,13 @@ def test_an_arm_that_holds_a_wall_does_not_flip() -> None:
     rng = np.random.default_rng(3)
     placed = np.tile([0, 1, 2, -1], (6, 1))
     flips = mended = 0
-    for _ in range(6):
+    for _ in range(8):
         q = NOMINAL.copy()
         low, high = TREE.lower[LEFT_ARM], TREE.upper[LEFT_ARM]
         q[7 + LEFT_ARM] = low + rng.uniform(0.2, 0.8, len(LEFT_ARM)) * (high - low)
         wanted = targets(6, KINEMATICS.effector_poses(q)[2])
         starts = np.tile(NOMINAL, (6, 1))
-        starts[::2, 7 + LEFT_ARM] = q[7 + LEFT_ARM]  # what they are solved from leads to different branches
+        starts[::2, 7 + LEFT_ARM] = rng.uniform(low, high)  # what they are solved from leads to different branches
         alone = track_postures(TREE, wanted, starts, chained=False, max_iterations=60)
         held = on_one_branch(TREE, wanted, alone, placed, GOOD)
         limb = holding_joints(TREE, np.array([[True, True, True, False]]))
