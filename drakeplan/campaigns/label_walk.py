@@ -167,6 +167,7 @@ class LabelWalk:
             heuristic="euclidean", dynamics="exact", model=transition_model(environment.steps), footholds="fixed"
         )
         self.domain = ContactDomain(packed, robot, environment.goal, self.check, asked, PlannerWeights())
+        self.domain.full_soles = True  # a row has no room for a support
         self.missing = np.full(NUM_CATEGORIES, options.quota)
         self._open: list[WalkState] = [self._first_state(environment, packed)]
 

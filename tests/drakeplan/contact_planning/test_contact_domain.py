@@ -50,6 +50,7 @@ def domain_on(terrain: Terrain, goal: Goal, model: TransitionModel, heuristic="g
     check_goal(scene, packed, ROBOT)
     options = PlannerOptions(heuristic=heuristic, use_palms=palms, model=model, longer=longer)
     domain = ContactDomain(packed, ROBOT, goal, check, options, PlannerWeights())
+    domain.full_soles = True
     numbers = [-1 if c is None else check.pool.add_contact(c) for c in stance.contacts]
     return domain, (numbers[0], numbers[1], numbers[2], numbers[3], -1)
 
@@ -188,6 +189,7 @@ def random_surfaces(footholds: str, seed: int = 0):
     check = EverythingStands(packed)
     options = PlannerOptions(footholds=footholds, dynamics="exact")
     domain = ContactDomain(packed, ROBOT, check_goal(scene, packed, ROBOT), check, options, PlannerWeights())
+    domain.full_soles = True
     numbers = [-1 if c is None else check.pool.add_contact(c) for c in start_stance(scene, packed, ROBOT).contacts]
     return domain, (*numbers, -1), options
 

@@ -36,7 +36,9 @@ def test_a_gap_is_crossed_without_naming_longer_steps() -> None:
 
 
 def test_fixed_steps_do_not_cross_it() -> None:
-    asked = PlanOptions(dynamics="quasi-static", use_palms=False, footholds="fixed", expansions=20, deadline=60.0)
+    asked = PlanOptions(
+        dynamics="quasi-static", use_palms=False, footholds="fixed", full_soles=True, expansions=20, deadline=60.0
+    )
     result = plan_scene(gap(), ESCHER, asked)
     assert result.status == "none"
 

@@ -67,7 +67,7 @@ def test_a_robot_crosses_on_parts_of_its_soles(tmp_path: Path, name: str) -> Non
 
 
 def test_whole_soles_do_not_cross_stones_and_the_reason_names_one() -> None:
-    result = planned("stones of 12 cm", full_soles=True, expansions=50)
+    result = planned("stones of 12 cm", full_soles=True, footholds="fixed", expansions=50)
     assert result.status != "complete"
     assert "'s2' and 2 more take no whole sole of 22 x 10 cm" in result.reason
 
