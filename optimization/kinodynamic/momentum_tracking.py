@@ -57,7 +57,7 @@ class MomentumTargets:
         dt: (T - 1,) time from each frame to the next [s].
         momentum: (T - 1, 6) angular momentum about the CoM [N m s] and linear momentum [kg m/s] wanted on the way.
         weight: (T - 1, 6) of its errors [1/(N m s), s/(kg m)], 0 where it is free.
-        smooth: (T, nv) weights of the accelerations at each frame [s^2/rad, s^2/m].
+        smooth: (nv,) weights of accelerations, or (T, nv) of those at each frame [s^2/rad, s^2/m].
         speed: (nv - 6,) speed limits of the joints [rad/s]; inf where there is none.
         v_start, v_end: (nv,) velocities before the first and after the last frame that accelerations count from and
             to; None where they are free.
@@ -207,7 +207,7 @@ def _links(links: MomentumTargets, num_frames: int, nv: int) -> _Links:
         links.dt,
         links.momentum,
         links.weight,
-        links.smooth,
+        np.broadcast_to(links.smooth, (num_frames, nv)),
         links.speed,
         nan if links.v_start is None else links.v_start,
         nan if links.v_end is None else links.v_end,
