@@ -16,6 +16,7 @@ from optimization.multibody.kinematics import Kinematics, difference
 
 # Slightly tighter than the verifier's limits: the verifier uses Drake, this check uses our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
+ACCELERATION = 285.0  # [rad/s^2] of any joint
 JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
@@ -25,10 +26,10 @@ class Problem:
     """One violation.
 
     Attributes:
-        kind: "held", "com", "speed", "jerk", "self collision", "terrain collision" or "sole collision".
+        kind: "held", "com", "speed", "jerk", "acceleration", "self collision", "terrain collision" or "sole collision".
         transition: index of the transition that it belongs to.
         time: where it is worst [s].
-        value: how bad [m, or share of a speed limit].
+        value: how bad [m, share of a speed limit, rad/s, or rad/s^2].
         limit: what is allowed.
         about: bodies, end effector or joint.
     """
@@ -133,6 +134,9 @@ def find_problems(
         worst = jump.argmax(axis=1)
         axes = ["base"] * 6 + list(kinematics.joint_names)
         add("jerk", frames[1:], jump.max(axis=1), JUMP, [axes[j] for j in worst])
+        a = np.abs(np.diff(v[:, 6:], axis=0)) / (t[1] - t[0])
+        names = [kinematics.joint_names[j] for j in a.argmax(axis=1)]
+        add("acceleration", frames[1:], a.max(axis=1), ACCELERATION, names)
     names = [f"{a} and {b}" for a, b in met.bodies]
     sole, ground = met.effector >= 0, met.with_terrain
     for kind, own, limit in (

@@ -58,6 +58,7 @@ WINDOW = 15  # frames before and after a collision that take part in moving out 
 COM_FEEDBACK, NEAR_FEEDBACK = 0.008, 0.3  # [m, s] a CoM this far off goes back to the dynamics, with what is near it
 TIGHTER, LEAST_BOX = 0.3, 0.004  # how the CoM's bounds shrink there each time, and the least of them [m]
 WIDER_ARMS, MOST_SPREAD = 0.03, 0.13  # [m] how much further free arms keep away each time, and at most
+ROUGH = ("jerk", "acceleration")  # problems of smoothness
 DOING = "during the motion"  # for the message of a deadline
 HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
 
@@ -388,7 +389,7 @@ class MotionFrames:
         """Gives the next round more distance or other swings, or a tighter CoM; False where nothing is left to try."""
         before, detours = (self._apart, self._spread), dict(self._detours)
         for p in problems:
-            if p.kind == "jerk":
+            if p.kind in ROUGH:
                 self._calmer[np.abs(self.t - p.time) < NEAR_JERK] *= CALMER
             if p.kind == "sole collision":
                 detour = self._detours.get(p.transition, Detour())
@@ -396,12 +397,12 @@ class MotionFrames:
                     self._detours[p.transition] = Detour(detour.raised + HIGHER, detour.pushed + WIDER)
             elif p.kind.endswith("collision"):
                 self._apart = min(self._apart + 0.015, MOST_APART)
-            if p.kind in ("self collision", "jerk", "speed"):
+            if p.kind in ("self collision", "speed", *ROUGH):
                 self._spread = min(self._spread + WIDER_ARMS, MOST_SPREAD)
         if (before[1], detours) != (self._spread, self._detours):
             self._plan_course()
         off = any(p.kind in ("com", "held") for p in problems) and not self._bound
-        off |= any(p.kind == "jerk" for p in problems)
+        off |= any(p.kind in ROUGH for p in problems)
         return before != (self._apart, self._spread) or detours != self._detours or off
 
     def _problems(self) -> list[Problem]:

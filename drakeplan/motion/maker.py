@@ -18,7 +18,7 @@ import numpy as np
 from drakeplan.context import QueryContext
 from drakeplan.motion.check import Problem, excess, velocities
 from drakeplan.motion.course_dynamics import ComCourse, SequenceDynamics
-from drakeplan.motion.frames import MotionFrames, Setting
+from drakeplan.motion.frames import ROUGH, MotionFrames, Setting
 from drakeplan.motion.free_timing import effort, free_durations
 from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
@@ -272,7 +272,7 @@ class MotionMaker:
             if result.failed_transitions or not len(shift):
                 return None
             return self._on_grid(1.4 * shift), self._on_grid(1.2 * swing)
-        fast = [p for p in result.problems if p.kind in ("speed", "jerk")]
+        fast = [p for p in result.problems if p.kind in ("speed", *ROUGH)]
         if not fast or len(fast) < len(result.problems) or max(p.value / p.limit for p in fast) > MAX_STRETCH:
             return None
         for p in fast:

@@ -38,10 +38,8 @@ MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search re
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
 PALMS_SHARE = 0.6  # of the deadline after which the feet are tried alone where palms brought no verified plan
-FEET_SHARE, FEET_REPAIRS = (
-    0.5,
-    3,
-)  # of what is left then for searching with the feet alone, and repairs of what they find
+FEET_SHARE = 0.5  # of what is left then for searching with the feet alone
+FEET_REPAIRS = 3  # of what they find
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
 
 
