@@ -22,6 +22,7 @@ from drakeplan.motion.frames import ROUGH, MotionFrames, Setting
 from drakeplan.motion.free_timing import effort, free_durations
 from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
+from drakeplan.motion.targets import plan_swings
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.timing.phases import Schedule, make_schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
@@ -209,6 +210,12 @@ class MotionMaker:
     ) -> MotionResult:
         self._deadline.check("during the motion")
         began = time.perf_counter()
+        blocked = self._blocked_swings(schedule)
+        if blocked:
+            timings["dynamics_s"] += time.perf_counter() - began
+            mover = self.robot.effectors[schedule.phases[2 * blocked[0] + 1].mover].name
+            reason = f"no way for the {mover} past the terrain in transition {', '.join(map(str, blocked[:3]))}"
+            return MotionResult(False, reason, tuple(blocked), schedule, timings=timings)
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
         keys = solve_key_postures(
             self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor, com_course=com_course
@@ -255,6 +262,11 @@ class MotionMaker:
             gaps=frames.gaps,
             torque=self._torque(frames, dynamics, v),
         )
+
+    def _blocked_swings(self, schedule: Schedule) -> list[int]:
+        """Transitions whose foot or palm meets the terrain on every curve that is tried: found out in milliseconds."""
+        swings = plan_swings(self.robot, self.setting.packed, schedule, {}, self.options.clearance)
+        return [k for k, swing in enumerate(swings) if not swing.clear]
 
     def _torque(self, frames: MotionFrames, dynamics: SequenceDynamics, v: np.ndarray) -> TorqueNeed:
         kinematics = self.setting.ik.kinematics
