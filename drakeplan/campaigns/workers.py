@@ -96,7 +96,7 @@ class LocalWorkers:
     def submit(self, task: Task) -> None:
         """Puts a task in the queue."""
         try:
-            with _without_ctrl_c():  # the first task starts the pool
+            with without_ctrl_c():  # the first task starts the pool
                 future = self._pool.schedule(timed_task, args=(self.campaign, task), timeout=self.task_timeout)
         except RuntimeError:
             raise _cannot_work() from None
@@ -169,14 +169,25 @@ def _cannot_work() -> InputError:
 
 
 @contextmanager
-def _without_ctrl_c() -> Iterator[None]:
-    """Threads that start here, and the processes that they start, never get Ctrl-C, not even while they import."""
+def without_ctrl_c() -> Iterator[None]:
+    """Threads that start here, and the processes that they start, never get Ctrl-C, not even while they import.
+
+    This thread gets it afterwards. Blocking alone does not do that: another thread may receive the signal, and Python
+    then raises KeyboardInterrupt here, between the start of a process and what it is told to do.
+    """
     resource_tracker.ensure_running()  # the first call lets signals through again
+    came: list[int] = []
+    in_main = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, lambda number, frame: came.append(number)) if in_main else None
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if in_main:
+            signal.signal(signal.SIGINT, handler)
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _begin(memory: int) -> None:

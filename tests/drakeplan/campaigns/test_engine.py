@@ -11,6 +11,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from toy_campaign import SCHEMA, Toy
 
 from drakeplan.campaigns.campaign import BadRowsError, Campaign, Task, rows_table, run_task
 from drakeplan.campaigns.engine import CampaignProgress, CollectOptions, collect
-from drakeplan.campaigns.workers import LocalWorkers, Outcome
+from drakeplan.campaigns.workers import LocalWorkers, Outcome, without_ctrl_c
 from learning.shard_file import read_shard, shard_paths
 from scenes.input_error import InputError
 
@@ -371,3 +372,21 @@ def test_libraries_in_workers_use_one_thread(monkeypatch: pytest.MonkeyPatch) ->
 def test_options_that_make_no_sense_are_refused(name: str, value: int) -> None:
     with pytest.raises(InputError, match=f"{name}: expected"):
         CollectOptions(**({"tasks": 1} | {name: value}))
+
+
+def test_ctrl_c_waits_until_the_processes_have_started_whichever_thread_receives_it() -> None:
+    began, ended, release = threading.Event(), [], threading.Event()
+    other = threading.Thread(target=lambda: (began.set(), release.wait()), daemon=True)
+    other.start()  # does not block the signal, so that the kernel delivers it there
+    began.wait()
+
+    def start_something() -> None:
+        with without_ctrl_c():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.05)
+            ended.append("started")
+
+    with pytest.raises(KeyboardInterrupt):
+        start_something()
+    release.set()
+    assert ended == ["started"]

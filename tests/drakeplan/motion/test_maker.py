@@ -287,7 +287,7 @@ def test_an_obstacle_that_no_swing_avoids_is_reported_not_hidden():
     result = make_motion(terrain, stances, MotionOptions(rounds=1, attempts=1))
     assert not result.ok
     assert result.failed_transitions == (0,)
-    assert "right_foot and wall" in [p.about for p in result.problems]
+    assert result.reason == "no way for the right_foot past the terrain in transition 0"
 
 
 def test_a_robot_that_only_stands_stands():
