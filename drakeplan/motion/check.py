@@ -17,6 +17,7 @@ from optimization.multibody.kinematics import Kinematics, difference
 # Slightly tighter than the verifier's limits: the verifier uses Drake, this check uses our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
 ACCELERATION = 285.0  # [rad/s^2] of any joint
+CALM_ACCELERATION = 60.0  # [rad/s^2] what motions aim at
 JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
@@ -32,6 +33,7 @@ class Problem:
         value: how bad [m, share of a speed limit, rad/s, or rad/s^2].
         limit: what is allowed.
         about: bodies, end effector or joint.
+        span: times of the first and the last frame of the transition that exceed the limit [s].
     """
 
     kind: str
@@ -40,6 +42,7 @@ class Problem:
     value: float
     limit: float
     about: str
+    span: tuple[float, float] = (np.nan, np.nan)
 
     def __str__(self) -> str:
         return f"{self.kind} at {self.time:.2f} s: {self.about}, {self.value:.4g} (limit {self.limit:.4g})"
@@ -99,6 +102,7 @@ def find_problems(
     q: np.ndarray,
     planned_com: np.ndarray,
     met: Encounters,
+    acceleration: float = ACCELERATION,
 ) -> list[Problem]:
     """Every violation of a motion, the worst of each kind in each transition.
 
@@ -109,6 +113,7 @@ def find_problems(
         q: (T, nq) positions, Drake's order.
         planned_com: (T, 3) CoM of the momentum trajectory in W [m], interpolated linearly as the verifier does.
         met: pairs of bodies that come near each other, in all frames.
+        acceleration: allowed of any joint [rad/s^2].
     """
     transition = transition_of(schedule, t)
     found: list[Problem] = []
@@ -117,7 +122,11 @@ def find_problems(
         for k in np.unique(transition[frames[values > limit]]):
             own = np.flatnonzero(transition[frames] == k)
             worst = int(own[np.argmax(values[own])])
-            found.append(Problem(kind, int(k), float(t[frames[worst]]), float(values[worst]), limit, about[worst]))
+            over = t[frames[own[values[own] > limit]]]
+            span = float(over.min()), float(over.max())
+            found.append(
+                Problem(kind, int(k), float(t[frames[worst]]), float(values[worst]), limit, about[worst], span)
+            )
 
     frames = np.arange(len(t))
     X_WE, com = motion_poses(kinematics.tree, q)
@@ -136,7 +145,7 @@ def find_problems(
         add("jerk", frames[1:], jump.max(axis=1), JUMP, [axes[j] for j in worst])
         a = np.abs(np.diff(v[:, 6:], axis=0)) / (t[1] - t[0])
         names = [kinematics.joint_names[j] for j in a.argmax(axis=1)]
-        add("acceleration", frames[1:], a.max(axis=1), ACCELERATION, names)
+        add("acceleration", frames[1:], a.max(axis=1), acceleration, names)
     names = [f"{a} and {b}" for a, b in met.bodies]
     sole, ground = met.effector >= 0, met.with_terrain
     for kind, own, limit in (

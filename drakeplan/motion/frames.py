@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drakeplan.deadline import Deadline
-from drakeplan.motion.check import Problem, excess, find_problems, mean_velocities
+from drakeplan.motion.check import ACCELERATION, CALM_ACCELERATION, Problem, excess, find_problems, mean_velocities
 from drakeplan.motion.course_dynamics import BOX, ComCourse, SequenceDynamics, monotone_course
+from drakeplan.motion.emphasis import Emphasis
 from drakeplan.motion.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
-from drakeplan.motion.proximity import Encounters, ProximityMonitor
+from drakeplan.motion.proximity import KEEP, Encounters, ProximityMonitor
 from drakeplan.motion.targets import (
     FAINT,
     Detour,
@@ -28,7 +29,7 @@ from drakeplan.motion.targets import (
 )
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
-from optimization.inverse_kinematics.frame_task import frame_targets
+from optimization.inverse_kinematics.frame_task import TrackingTargets, frame_targets, window_targets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.alternation import alternate
@@ -42,8 +43,9 @@ SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most
 CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
 FOLLOW = (0.1, 0.05)  # weights of angular and linear momentum [1/(N m s), s/(kg m)]
-CALM = 3e-4  # weight of accelerations [s^2/rad]
-CALMER, NEAR_JERK = 6.0, 0.25  # how much more they weigh where joints jerk, and how far before and after [s]
+CALM = 1e-2  # weight of accelerations [s^2/rad]
+JOIN = 2  # frames on either side of a window that join it to what stays as it is
+MENDS, MENDABLE = 6, 3.0  # repairs of a motion where it is wrong, and times its limit that the worst may be for them
 PROGRESS = 0.8  # of the least excess so far that another round must come under to be worth another
 GENTLE = 0.95  # share of the joints' speed limits that all frames together aim to keep
 STEPS, ENOUGH = 4, 0.03  # of Gauss-Newton over all frames, and the relative decrease of cost that ends it
@@ -55,6 +57,7 @@ SMOOTHINGS = 3  # of the whole motion, each followed by another look for collisi
 SMEAR = 0.04  # [s] standard deviation of smoothing
 FAITHFUL, FIRM_COM = 10.0, 40.0  # how much harder than usual the smoothed posture is held to; the CoM's weight then
 WINDOW = 15  # frames before and after a collision that take part in moving out of its way
+FEEDBACKS = 3  # of where the CoM cannot be followed, before all frames are solved together
 COM_FEEDBACK, NEAR_FEEDBACK = 0.008, 0.3  # [m, s] a CoM this far off goes back to the dynamics, with what is near it
 TIGHTER, LEAST_BOX = 0.3, 0.004  # how the CoM's bounds shrink there each time, and the least of them [m]
 WIDER_ARMS, MOST_SPREAD = 0.03, 0.13  # [m] how much further free arms keep away each time, and at most
@@ -131,7 +134,7 @@ class MotionFrames:
         self._free: np.ndarray | None = None
         self._apart, self._spread = APART, SPREAD
         self._bound = False
-        self._calmer = np.ones(len(self.t))
+        self._emphasis = Emphasis(self.t)
         self._plan_course()
 
     def solve_dynamics(self, knots: np.ndarray) -> str:
@@ -175,14 +178,16 @@ class MotionFrames:
         for _ in range(rounds):
             self._look()
             self._keep_apart(CLOSE)
-            if self._feed_back():
+            for _ in range(FEEDBACKS):
+                if not self._feed_back():
+                    break
                 self._keep_apart(CLOSE)
             gaps = self._agree()
             for _ in range(SMOOTHINGS):
                 if not self._keep_apart(TOUCHING):
                     break
                 gaps = (*gaps[:-1], self._settle())
-            problems = self._problems()
+            problems = self._mend()
             stuck = bool(tried) and excess(problems) > PROGRESS * min(excess(one[0]) for one in tried)
             tried.append((problems, self.trajectory, self._answer, gaps))
             if not problems or stuck or not self._try_harder(problems):
@@ -190,6 +195,24 @@ class MotionFrames:
             self._restart()
         problems, self.trajectory, self._answer, self.gaps = min(tried, key=lambda one: excess(one[0]))
         return problems
+
+    def _mend(self) -> list[Problem]:
+        """Solves the frames about each problem once more, with more weight on what was not kept; what is left.
+
+        Joints are calmed beyond what is required, as far as a few repairs bring it.
+        """
+        wrong = self._problems(CALM_ACCELERATION)
+        for _ in range(MENDS):
+            if not 0.0 < excess(wrong) < MENDABLE:
+                break
+            before = self._answer, self._momentum, self._met
+            self._settle(self._emphasis.stress(wrong))
+            after = self._problems(CALM_ACCELERATION)
+            if excess(after) >= excess(wrong):
+                self._answer, self._momentum, self._met = before
+                break
+            wrong = after
+        return self._problems()
 
     def _restart(self) -> None:
         """New targets for all frames, from the postures that keys give, not from where the last round went."""
@@ -239,41 +262,62 @@ class MotionFrames:
         self.setting.deadline.check(DOING)
         return track_postures(self.tree, self._targets, q, solve=solve, chained=chained, max_iterations=12)
 
-    def _settle(self) -> MomentumGap:
-        """All frames together: momenta as the dynamics say, bodies apart, no jerks, near the motion as it is."""
+    def _settle(self, where: np.ndarray | None = None) -> MomentumGap:
+        """All frames together: momenta as the dynamics say, bodies apart, no jerks, near the motion as it is.
+
+        Args:
+            where: (T,) the frames that are solved, the others stay; None: all.
+        """
         self.setting.deadline.check(DOING)
-        _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
-        num, step = len(self.t), 1.0 / self.setting.rate
+        num = len(self.t)
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
-        momentum = momentum_course(self.trajectory, com, self.t, self.tree.total_mass)
-        q = smoothed(self.q, SMEAR * self.setting.rate)
+        q_ref = smoothed(self.q, SMEAR * self.setting.rate)
+        targets, links = self._joint_targets(q_ref, com), self._links(com)
+        q = q_ref.copy() if where is None else self.q.copy()
+        for first, last in [(0, num)] if where is None else _stretches(where, 0):
+            a, b = max(first - JOIN, 0), min(last + JOIN, num)
+            fixed = np.ones(b - a, dtype=bool)
+            fixed[first - a : last - a] = False
+            part, joints = window_targets(targets, a, b), links.window(a, b, fixed)
+            q[a:b] = track_momentum(self.tree, part, joints, q[a:b], max_iterations=STEPS, tolerance=ENOUGH).q
+        self._targets = targets
+        reached, self._momentum = motion_momentum(self.tree, q, np.diff(self.t))
+        nothing = np.zeros(self._held.shape)
+        self._answer = TrackedPostures(q, nothing, reached - com, np.zeros(num, np.int64))
+        self._look(where)
+        return self._gap(reached, self._momentum)
+
+    def _joint_targets(self, q_ref: np.ndarray, com: np.ndarray) -> TrackingTargets:
+        """What each frame should do where all are solved together, near q_ref (T, nq) and a CoM (T, 3) [m]."""
+        more = self._emphasis
+        _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
         wanted = self._wanted(self._met)
-        free = np.isfinite(wanted)
-        self._targets = replace(
+        apart = self._met.where(np.isfinite(wanted))
+        keep = KEEP * more.apart[apart.frame]
+        return replace(
             self._targets,
-            q_ref=q,
+            q_ref=q_ref,
             posture_weight=FAITHFUL * posture_weight(len(self.tree.lower)),
-            place_weight=weight[:, :, 0],
-            turn_weight=weight[:, :, 1],
+            place_weight=weight[:, :, 0] * more.hold[:, None],
+            turn_weight=weight[:, :, 1] * more.hold[:, None],
             com=com,
-            com_weight=np.full((num, 3), FIRM_COM),
+            com_weight=FIRM_COM * np.repeat(more.com[:, None], 3, axis=1),
+            rows=apart.rows(len(self.t), wanted[np.isfinite(wanted)], keep),
         )
-        nv = q.shape[1] - 1
-        links = MomentumTargets(
-            dt=np.full(num - 1, step),
-            momentum=momentum,
+
+    def _links(self, com: np.ndarray) -> MomentumTargets:
+        """What joins the frames: momenta of a CoM course (T, 3) [m] and of the dynamics, calm joints, rest at the ends."""
+        num, nv = len(self.t), 6 + len(self.tree.lower)
+        return MomentumTargets(
+            dt=np.full(num - 1, 1.0 / self.setting.rate),
+            momentum=momentum_course(self.trajectory, com, self.t, self.tree.total_mass),
             weight=np.tile(np.repeat(FOLLOW, 3), (num - 1, 1)) * self.setting.feedback,
-            smooth=np.repeat(CALM * self._calmer[:, None], nv, axis=1),
+            smooth=np.repeat(CALM * self._emphasis.calm[:, None], nv, axis=1),
             speed=GENTLE * self.tree.speed,
             v_start=np.zeros(nv),
             v_end=np.zeros(nv),
+            acceleration=GENTLE * CALM_ACCELERATION,
         )
-        targets = replace(self._targets, rows=self._met.where(free).rows(num, wanted[free]))
-        motion = track_momentum(self.tree, targets, links, q, max_iterations=STEPS, tolerance=ENOUGH)
-        self._answer = TrackedPostures(motion.q, motion.effector_error, motion.com - com, np.zeros(num, np.int64))
-        self._momentum = motion.momentum
-        self._look()
-        return self._gap(motion.com, motion.momentum)
 
     def _agree(self) -> tuple[MomentumGap, ...]:
         """Dynamics and motion in turns; at first the motion as it is, then all its frames together."""
@@ -388,9 +432,8 @@ class MotionFrames:
     def _try_harder(self, problems: Sequence[Problem]) -> bool:
         """Gives the next round more distance or other swings, or a tighter CoM; False where nothing is left to try."""
         before, detours = (self._apart, self._spread), dict(self._detours)
+        self._emphasis.stress(problems)
         for p in problems:
-            if p.kind in ROUGH:
-                self._calmer[np.abs(self.t - p.time) < NEAR_JERK] *= CALMER
             if p.kind == "sole collision":
                 detour = self._detours.get(p.transition, Detour())
                 if detour.raised < MOST_RAISED:
@@ -405,9 +448,9 @@ class MotionFrames:
         off |= any(p.kind in ROUGH for p in problems)
         return before != (self._apart, self._spread) or detours != self._detours or off
 
-    def _problems(self) -> list[Problem]:
+    def _problems(self, acceleration: float = ACCELERATION) -> list[Problem]:
         com = at_times(self.trajectory.t, self.trajectory.com, self.t)
-        return find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met)
+        return find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met, acceleration)
 
 
 def _stretches(marked: np.ndarray, around: int) -> list[tuple[int, int]]:

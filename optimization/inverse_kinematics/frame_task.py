@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -123,6 +123,31 @@ def frame_targets(targets: TrackingTargets, f: int) -> TrackingTargets:
         targets.posture_weight,
         targets.lower,
         targets.upper,
+    )
+
+
+def window_targets(targets: TrackingTargets, first: int, last: int) -> TrackingTargets:
+    """The targets of frames first to last - 1, with the distances that these frames keep.
+
+    Args:
+        targets: of all frames.
+        first: number of the first frame.
+        last: number after the last frame.
+    """
+    own, rows = slice(first, last), targets.rows
+    if len(rows.start):
+        kept = slice(rows.start[first], rows.start[last])
+        start = rows.start[first : last + 1] - rows.start[first]
+        rows = DistanceRows(start, *(array[kept] for array in rows[1:]))
+    return replace(
+        targets,
+        X_WE=targets.X_WE[own],
+        place_weight=targets.place_weight[own],
+        turn_weight=targets.turn_weight[own],
+        com=targets.com[own],
+        com_weight=targets.com_weight[own],
+        q_ref=targets.q_ref[own],
+        rows=rows,
     )
 
 

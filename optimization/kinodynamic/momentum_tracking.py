@@ -4,6 +4,7 @@
                   + |W_h (h_t - h_t*)|^2                                   momentum from frame t to frame t + 1
                   + |W_s (v_t - v_t-1) / tau|^2                            accelerations
                   + w_v^2 max(0, |v_t| - speed)^2                          speed limits of the joints
+                  + w_a^2 max(0, |v_t - v_t-1| / tau - acceleration)^2     acceleration limits of the joints
     s.t.  joint limits
 
 with v_t the velocity that takes q_t to q_t+1 in dt_t, and h_t = (k, l): the angular momentum k = (A_k(q_t) + A_k(q_t+1))/2 v_t
@@ -17,7 +18,7 @@ step costs as much per frame as solving the frames one by one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,7 @@ from optimization.multibody.kinematic_tree import (
 )
 
 SPEED_WEIGHT = 10.0  # [s/rad] of what a joint is too fast
+ACCELERATION_WEIGHT = 0.1  # [s^2/rad] of what a joint accelerates too hard
 STEP = 0.3  # [rad, m] greatest change of any unknown in one step
 FIRST_DAMPING = 1e-3  # after a step that did not help, relative to the diagonal; tenfold each time
 TRIES = 5  # of damping one step
@@ -59,6 +61,7 @@ class MomentumTargets:
         weight: (T - 1, 6) of its errors [1/(N m s), s/(kg m)], 0 where it is free.
         smooth: (nv,) weights of accelerations, or (T, nv) of those at each frame [s^2/rad, s^2/m].
         speed: (nv - 6,) speed limits of the joints [rad/s]; inf where there is none.
+        acceleration: of every joint, limit [rad/s^2]; inf where there is none.
         v_start, v_end: (nv,) velocities before the first and after the last frame that accelerations count from and
             to; None where they are free.
         fixed: (T,) bool, frames that stay as they are; None for none.
@@ -72,6 +75,28 @@ class MomentumTargets:
     v_start: np.ndarray | None = None
     v_end: np.ndarray | None = None
     fixed: np.ndarray | None = None
+    acceleration: float = np.inf
+
+    def window(self, first: int, last: int, fixed: np.ndarray) -> MomentumTargets:
+        """What joins frames first to last - 1; at the ends of the window velocities are free.
+
+        Args:
+            first: number of the first frame.
+            last: number after the last frame.
+            fixed: (last - first,) frames that stay as they are: two at each end join the window to what is outside.
+        """
+        between = slice(first, last - 1)
+        num = len(self.dt) + 1
+        return replace(
+            self,
+            dt=self.dt[between],
+            momentum=self.momentum[between],
+            weight=self.weight[between],
+            smooth=self.smooth[first:last] if self.smooth.ndim == 2 else self.smooth,
+            v_start=self.v_start if first == 0 else None,
+            v_end=self.v_end if last == num else None,
+            fixed=fixed,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +131,7 @@ class _Links(NamedTuple):
     v_start: np.ndarray
     v_end: np.ndarray
     fixed: np.ndarray
+    acceleration: float
 
 
 class _Normal(NamedTuple):
@@ -212,7 +238,7 @@ def _links(links: MomentumTargets, num_frames: int, nv: int) -> _Links:
         nan if links.v_start is None else links.v_start,
         nan if links.v_end is None else links.v_end,
     )
-    return _Links(*(np.array(array, dtype=float, order="C") for array in arrays), fixed)  # type: ignore[call-arg]
+    return _Links(*(np.array(array, dtype=float, order="C") for array in arrays), fixed, float(links.acceleration))  # type: ignore[call-arg]
 
 
 def _step(
@@ -362,28 +388,35 @@ def _add_accelerations(links: _Links, v0: np.ndarray, v1: np.ndarray, t: int, be
     nv, last, cost = v0.shape[0], t == links.dt.shape[0], 0.0
     after = before if last else links.dt[t]
     tau = 0.5 * (before + after)
+    # v1 = (q[t + 1] - q[t]) / after, v0 = (q[t] - q[t - 1]) / before
+    up, down = (0.0 if last else 1.0 / (tau * after)), (0.0 if t == 0 else 1.0 / (tau * before))
+    middle = -up - down
     for i in range(nv):
-        if np.isnan(v0[i]) or np.isnan(v1[i]) or links.smooth[t, i] <= 0.0:
+        if np.isnan(v0[i]) or np.isnan(v1[i]):
             continue
-        w = links.smooth[t, i] / tau
-        miss = -w * (v1[i] - v0[i])
-        cost += miss * miss
-        # v1 = (q[t + 1] - q[t]) / after, v0 = (q[t] - q[t - 1]) / before
-        up, down = (0.0 if last else w / after), (0.0 if t == 0 else w / before)
-        middle = -up - down
+        a = (v1[i] - v0[i]) / tau
+        weight = links.smooth[t, i] ** 2
+        pull = -weight * a
+        cost += weight * a * a
+        over = abs(a) - links.acceleration
+        if i >= 6 and over > 0.0:
+            hard = ACCELERATION_WEIGHT**2
+            weight += hard
+            pull -= hard * over if a > 0.0 else -hard * over
+            cost += hard * over * over
         j = t * nv + i
-        out.g[j] += middle * miss
-        out.band[j, 0] += middle * middle
+        out.g[j] += middle * pull
+        out.band[j, 0] += middle * middle * weight
         if not last:
-            out.g[j + nv] += up * miss
-            out.band[j + nv, 0] += up * up
-            out.band[j, nv] += middle * up
+            out.g[j + nv] += up * pull
+            out.band[j + nv, 0] += up * up * weight
+            out.band[j, nv] += middle * up * weight
         if t > 0:
-            out.g[j - nv] += down * miss
-            out.band[j - nv, 0] += down * down
-            out.band[j - nv, nv] += down * middle
+            out.g[j - nv] += down * pull
+            out.band[j - nv, 0] += down * down * weight
+            out.band[j - nv, nv] += down * middle * weight
             if not last:
-                out.band[j - nv, 2 * nv] += down * up
+                out.band[j - nv, 2 * nv] += down * up * weight
     return cost
 
 
