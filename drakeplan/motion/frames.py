@@ -27,15 +27,16 @@ from drakeplan.motion.targets import (
     smooth_com,
     smoothed,
 )
+from drakeplan.motion.windows import stretches, track_windows, widened
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
-from optimization.inverse_kinematics.frame_task import TrackingTargets, frame_targets, window_targets
+from optimization.inverse_kinematics.frame_task import TrackingTargets, frame_targets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.alternation import alternate
 from optimization.kinodynamic.joint_torques import TorqueRows
 from optimization.kinodynamic.momentum_gap import Gap, MomentumGap
-from optimization.kinodynamic.momentum_tracking import MomentumTargets, motion_momentum, motion_poses, track_momentum
+from optimization.kinodynamic.momentum_tracking import MomentumTargets, motion_momentum, motion_poses
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
 
@@ -44,7 +45,6 @@ APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at 
 CLOSE, TOUCHING = 0.006, -0.001  # [m] pairs nearer than this are moved apart, at first and in a smoothed motion
 FOLLOW = (0.1, 0.05)  # weights of angular and linear momentum [1/(N m s), s/(kg m)]
 CALM = 1e-2  # weight of accelerations [s^2/rad]
-JOIN = 2  # frames on either side of a window that join it to what stays as it is
 MENDS, MENDABLE = 6, 3.0  # repairs of a motion where it is wrong, and times its limit that the worst may be for them
 PROGRESS = 0.8  # of the least excess so far that another round must come under to be worth another
 GENTLE = 0.95  # share of the joints' speed limits that all frames together aim to keep
@@ -184,9 +184,10 @@ class MotionFrames:
                 self._keep_apart(CLOSE)
             gaps = self._agree()
             for _ in range(SMOOTHINGS):
-                if not self._keep_apart(TOUCHING):
+                moved = self._keep_apart(TOUCHING)
+                if not moved.any():
                     break
-                gaps = (*gaps[:-1], self._settle())
+                gaps = (*gaps[:-1], self._settle(widened(moved, WINDOW)))
             problems = self._mend()
             stuck = bool(tried) and excess(problems) > PROGRESS * min(excess(one[0]) for one in tried)
             tried.append((problems, self.trajectory, self._answer, gaps))
@@ -273,13 +274,8 @@ class MotionFrames:
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
         q_ref = smoothed(self.q, SMEAR * self.setting.rate)
         targets, links = self._joint_targets(q_ref, com), self._links(com)
-        q = q_ref.copy() if where is None else self.q.copy()
-        for first, last in [(0, num)] if where is None else _stretches(where, 0):
-            a, b = max(first - JOIN, 0), min(last + JOIN, num)
-            fixed = np.ones(b - a, dtype=bool)
-            fixed[first - a : last - a] = False
-            part, joints = window_targets(targets, a, b), links.window(a, b, fixed)
-            q[a:b] = track_momentum(self.tree, part, joints, q[a:b], max_iterations=STEPS, tolerance=ENOUGH).q
+        start, solved = (q_ref, np.ones(num, dtype=bool)) if where is None else (self.q, where)
+        q = track_windows(self.tree, targets, links, start, solved, max_iterations=STEPS, tolerance=ENOUGH)
         self._targets = targets
         reached, self._momentum = motion_momentum(self.tree, q, np.diff(self.t))
         nothing = np.zeros(self._held.shape)
@@ -365,8 +361,8 @@ class MotionFrames:
             fresh = self.setting.monitor.near(self.q, np.flatnonzero(frames), SEEN)
             self._met = self._met.where(~frames[self._met.frame]).joined(fresh)
 
-    def _keep_apart(self, near: float) -> bool:
-        """Moves bodies apart that are nearer than `near` [m] to each other; False where there are none.
+    def _keep_apart(self, near: float) -> np.ndarray:
+        """Moves bodies apart that are nearer than `near` [m] to each other; (T,) bool, the frames that have changed.
 
         A frame in collision does not know which way out is right, the frame before it does: stretches of frames are
         walked through one by one, each from the one before, with the pairs that are near there.
@@ -375,15 +371,15 @@ class MotionFrames:
         threshold = np.minimum(self._asked(self._met) - self._apart + near, self._wanted(self._met))
         close[self._met.frame[self._met.distance < threshold]] = True
         if not close.any():
-            return False
+            return close
         q = self.q.copy()
-        for first, last in _stretches(close, WINDOW):
+        for first, last in stretches(close, WINDOW):
             for f in range(max(first, 1), last):
                 q[f] = self._away(f, q[f - 1] + (self.q[f] - self.q[f - 1]))
         changed = (q != self.q).any(axis=1)
         self._answer = self._track(q, solve=np.zeros(len(self.t), dtype=bool))
         self._look(changed)
-        return True
+        return changed
 
     def _away(self, f: int, q: np.ndarray) -> np.ndarray:
         """(nq,) frame f solved from q with the pairs apart that are near there."""
@@ -451,10 +447,3 @@ class MotionFrames:
     def _problems(self, acceleration: float = ACCELERATION) -> list[Problem]:
         com = at_times(self.trajectory.t, self.trajectory.com, self.t)
         return find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met, acceleration)
-
-
-def _stretches(marked: np.ndarray, around: int) -> list[tuple[int, int]]:
-    """Half-open ranges that cover the marked frames and `around` more on either side."""
-    wide = np.convolve(marked, np.ones(2 * around + 1), mode="same") > 0.5
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], wide, [False]]).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
