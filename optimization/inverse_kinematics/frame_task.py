@@ -135,7 +135,7 @@ def window_targets(targets: TrackingTargets, first: int, last: int) -> TrackingT
         last: number after the last frame.
     """
     own, rows = slice(first, last), targets.rows
-    if len(rows.start):
+    if len(rows.start) == len(targets.com) + 1:
         kept = slice(rows.start[first], rows.start[last])
         start = rows.start[first : last + 1] - rows.start[first]
         rows = DistanceRows(start, *(array[kept] for array in rows[1:]))

@@ -48,7 +48,7 @@ SPEED_WEIGHT = 10.0  # [s/rad] of what a joint is too fast
 ACCELERATION_WEIGHT = 0.1  # [s^2/rad] of what a joint accelerates too hard
 STEP = 0.3  # [rad, m] greatest change of any unknown in one step
 FIRST_DAMPING = 1e-3  # after a step that did not help, relative to the diagonal; tenfold each time
-TRIES = 5  # of damping one step
+TRIES = 8  # of damping one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,9 +183,12 @@ def track_momentum(
     for _ in range(max_iterations):
         before = cost
         for _ in range(TRIES):
-            if not _step(frames, between.fixed, normal, damping, q, trial):
+            expected = _step(frames, between.fixed, normal, damping, q, trial)
+            if expected is None:
                 damping = max(10.0 * damping, FIRST_DAMPING)
                 continue
+            if expected < tolerance * cost and damping == 0.0:  # a full step would end it anyway
+                return TrackedMotion(q, normal.momentum, normal.com, normal.effector_error, taken, cost)
             new = _assemble(tree, frames, between, trial, other)
             if new < cost:
                 break
@@ -243,14 +246,18 @@ def _links(links: MomentumTargets, num_frames: int, nv: int) -> _Links:
 
 def _step(
     frames: FrameTask, fixed: np.ndarray, normal: _Normal, damping: float, q: np.ndarray, trial: np.ndarray
-) -> bool:
-    """Writes the trial motion that one step makes of q; False where the equations cannot be solved."""
+) -> float | None:
+    """Writes the trial motion that one step makes of q; by how much the cost would fall were it quadratic.
+
+    None where the equations cannot be solved.
+    """
     band, g = normal.band.copy(), normal.g.copy()
     _hold(frames, fixed, damping, q, band, g)
-    if not solve_band(band, g):
-        return False
-    _move(frames, fixed, q, g, trial)
-    return bool(np.isfinite(trial).all())
+    step = g.copy()
+    if not solve_band(band, step):
+        return None
+    _move(frames, fixed, q, step, trial)
+    return float(g @ step) if np.isfinite(trial).all() else None
 
 
 @njit(cache=True)

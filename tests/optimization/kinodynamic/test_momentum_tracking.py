@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optimization.inverse_kinematics.frame_task import DistanceRows, TrackingTargets
+from optimization.inverse_kinematics.frame_task import DistanceRows, TrackingTargets, window_targets
 from optimization.inverse_kinematics.posture_tracking import track_postures
 from optimization.kinodynamic.momentum_tracking import (
+    ACCELERATION_WEIGHT,
     SPEED_WEIGHT,
     MomentumTargets,
     motion_momentum,
@@ -91,7 +92,9 @@ def cost(targets: TrackingTargets, links: MomentumTargets, q: np.ndarray) -> flo
         total += float(((links.weight[t] * (h - links.momentum[t])) ** 2).sum())
         total += float(((SPEED_WEIGHT * np.maximum(np.abs(v[-1][6:]) - links.speed, 0.0)) ** 2).sum())
     for smooth, before, after in zip(links.smooth, [links.v_start, *v], [*v, links.v_end], strict=True):
-        total += float(((smooth * (after - before) / STEP) ** 2).sum())
+        a = (after - before) / STEP
+        total += float(((smooth * a) ** 2).sum())
+        total += float(((ACCELERATION_WEIGHT * np.maximum(np.abs(a[6:]) - links.acceleration, 0.0)) ** 2).sum())
     return total
 
 
@@ -133,13 +136,15 @@ def test_poses_of_a_motion_are_those_of_its_frames():
 def test_the_reported_cost_is_the_objectives():
     targets, links, q = swaying(), joined(), wandering(FRAMES, seed=2)
     slow = replace(links, speed=np.full(NV - 6, 0.1))
-    for each in (links, slow):
+    calm = replace(links, acceleration=3.0)
+    for each in (links, slow, calm):
         reported = track_momentum(TREE, targets, each, q, max_iterations=0).cost
         assert reported == pytest.approx(cost(targets, each, np.clip(q, -9, 9)), rel=1e-6)
 
 
-def test_no_small_change_lowers_the_cost():
-    targets, links = swaying(), joined()
+@pytest.mark.parametrize("acceleration", [np.inf, 1.0])
+def test_no_small_change_lowers_the_cost(acceleration: float):
+    targets, links = swaying(), replace(joined(), acceleration=acceleration)
     q = track_momentum(TREE, targets, links, targets.q_ref, max_iterations=60, tolerance=1e-9).q
     best, rng = cost(targets, links, q), np.random.default_rng(4)
     for _ in range(40):
@@ -195,6 +200,38 @@ def test_joint_and_speed_limits_are_kept():
     assert np.abs(np.diff(motion.q[:, 7:], axis=0)).max() / STEP < 0.25 * 1.1
     free = track_momentum(TREE, targets, joined(), targets.q_ref, max_iterations=40)
     assert np.abs(np.diff(free.q[:, 7:], axis=0)).max() / STEP > 0.5  # it would be faster
+
+
+def test_accelerations_stay_near_their_limit_without_slowing_what_is_below_it():
+    targets = swaying()
+    targets = replace(targets, com=targets.com + np.where(np.arange(FRAMES) > 5, 0.02, 0.0)[:, None] * [0, 1.0, 0])
+
+    def solved(acceleration: float, start: np.ndarray) -> tuple[np.ndarray, float]:
+        links = replace(joined(weight=0.0, smooth=1e-3), acceleration=acceleration)
+        q = track_momentum(TREE, targets, links, start, max_iterations=60, tolerance=1e-9).q
+        v = np.vstack([np.zeros(NV - 6), np.diff(q[:, 7:], axis=0) / STEP, np.zeros(NV - 6)])
+        return q, float(np.abs(np.diff(v, axis=0)).max() / STEP)
+
+    free, hardest = solved(np.inf, targets.q_ref)
+    assert solved(0.3 * hardest, free)[1] < 0.33 * hardest
+    assert np.allclose(solved(2.0 * hardest, free)[0], free, atol=1e-5)
+
+
+def test_a_window_lowers_the_cost_of_the_whole_and_finds_nothing_where_the_whole_is_solved():
+    targets, links = swaying(), replace(joined(), acceleration=2.0)
+    solved = track_momentum(TREE, targets, links, targets.q_ref, max_iterations=60, tolerance=1e-10).q
+    best, guess = cost(targets, links, solved), wandering(FRAMES, seed=6)
+    for first, last in ((0, 6), (3, 9), (5, FRAMES)):
+        fixed = np.zeros(last - first, bool)
+        fixed[:2], fixed[len(fixed) - 2 :] = first > 0, last < FRAMES
+        for q in (solved, guess):
+            part, joints = window_targets(targets, first, last), links.window(first, last, fixed)
+            whole = q.copy()
+            whole[first:last] = track_momentum(TREE, part, joints, q[first:last]).q
+            after, before = cost(targets, links, whole), cost(targets, links, q)
+            assert np.array_equal(whole[first:last][fixed], q[first:last][fixed])
+            assert after <= before * (1 + 1e-9)
+            assert after > best * (1 - 1e-3) if q is solved else after < 0.9 * before
 
 
 def test_a_distance_is_kept_in_its_frames_alone():
