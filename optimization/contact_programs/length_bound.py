@@ -17,11 +17,12 @@ import shapely
 
 from optimization.contact_programs.step_graph import Foothold, StepGraph, could_step, graph_options, quiet
 from scenes.effector import EFFECTORS
-from scenes.footholds.foothold_regions import MARGIN, FootholdRegion, disc_region
+from scenes.footholds.foothold_regions import FootholdRegion, disc_region
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import pack_terrain
 from scenes.transition_model import TransitionModel, transition_model
 
 SAME_CONTACT = 0.02  # [m] contacts nearer than this along every axis may count as one (`drakeplan.contact_planning.contact_pool.CELL`)
@@ -138,6 +139,7 @@ class _Bounds:
         palms: bool,
     ) -> None:
         self.scene, self.robot, self.start, self.goal = scene, robot, start, goal
+        self.packed = pack_terrain(scene.terrain)
         left, right = start.contacts[:2]
         assert left is not None
         assert right is not None
@@ -162,12 +164,8 @@ class _Bounds:
 
     def _candidates(self, effector: int) -> list[FootholdRegion]:
         spec = self.robot.effectors[effector]
-        radius = min(spec.half_extent) - MARGIN  # `disc_region` insets by the margin again
-        found = [
-            disc_region(s, k, effector, radius)
-            for k, s in enumerate(self.scene.terrain.surfaces)
-            if s.allows(spec.name)
-        ]
+        numbers = np.flatnonzero(self.packed.allowed[: self.packed.num_surfaces, effector]).tolist()
+        found = [disc_region(self.packed, k, effector, min(spec.half_extent)) for k in numbers]
         return [r for r in found if r is not None]
 
     def relaxation(self, first: int, num_steps: int, time_limit: float) -> tuple[float, str]:
