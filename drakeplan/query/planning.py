@@ -25,7 +25,7 @@ from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
-from scenes.effector import EFFECTORS
+from scenes.effector import FEET
 from scenes.robots.nominal_stance import check_nominal_stance
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
@@ -143,8 +143,7 @@ def _attempt(
 def _may_spare_palms(context: QueryContext, options: PlanOptions) -> bool:
     """Whether the palms could touch something but the feet alone may do."""
     searches = planner_entry(options.planner).judges_transitions
-    usable = any(s.allows(EFFECTORS[e]) for e in context.robot.palms for s in context.scene.terrain.surfaces)
-    return options.use_palms and searches and usable
+    return options.use_palms and searches and bool(context.usable_palms)
 
 
 def _feet_alone(
@@ -220,7 +219,8 @@ def _not_learned(context: QueryContext, options: PlanOptions) -> str:
     learned = surrogate.card.get("cone", DEFAULT_CONE)
     if context.cone != learned:
         return f"learned dynamics exist only for --cone {learned}"
-    surfaces = [s for s in context.scene.terrain.surfaces if s.allows("left_foot") or s.allows("right_foot")]
+    terrain = context.scene.terrain
+    surfaces = [terrain.surfaces[k] for k in terrain.surfaces_for(*FEET)]
     rough = surrogate.friction[1] + FRICTION_TOLERANCE
     for surface in surfaces:  # what holds a foot only by more friction than was learned is refused by what was learned
         if surface.friction > rough and needed_friction(surface.normal) > SURELY_HELD * surrogate.friction[1]:

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from optimization.contact_programs.step_graph import Foothold, StepGraph, could_step, graph_options, quiet
-from scenes.effector import EFFECTORS
+from scenes.effector import PALMS
 from scenes.footholds.foothold_regions import FootholdRegion, disc_region
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
@@ -110,7 +110,7 @@ def length_lower_bound(
     if start.contacts[0] is None or start.contacts[1] is None:
         raise InputError(f"scene {scene.name}: length bound: expected both feet on the ground at the start")
     model = model or transition_model()
-    walls = any(s.allows(EFFECTORS[e]) for s in scene.terrain.surfaces for e in (2, 3))
+    walls = bool(scene.terrain.surfaces_for(*PALMS))
     held = any(c is not None for c in start.contacts[2:])
     bounds = _Bounds(scene, robot, start, goal, model, step_weight, palms and (walls or held))
     straight = bounds.straight()
