@@ -74,6 +74,7 @@ def plan_scene(
         _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
     deadline.start()
+    tell = _with_time_left(tell, deadline)
     record.start, record.goal = context.start.feet_mean().tolist(), list(context.goal.xyz)
     record.notes += context.floor_notes
     dynamics = _dynamics(context, options, record.notes)
@@ -110,6 +111,11 @@ def plan_scene(
         tell(ProgressEvent("explain", "what blocks the dynamics, and what would free them"))
         result = _explained(result, refusal, context, options)
     return result
+
+
+def _with_time_left(tell: Progress, deadline: Deadline) -> Progress:
+    """The same progress, every event with the seconds that are left."""
+    return lambda event: tell(dataclasses.replace(event, left=deadline.left()))
 
 
 def _load_kernels(context: QueryContext, tell: Progress) -> None:
