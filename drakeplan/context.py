@@ -9,6 +9,7 @@ from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.deadline import Deadline
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.effector import EFFECTORS
 from scenes.footholds.start_stance import check_goal, floor_notes, start_stance
 from scenes.robots.plant import RobotPlant, build_plant
 from scenes.robots.robot import Robot
@@ -59,6 +60,11 @@ class QueryContext:
     def robot_plant(self) -> RobotPlant:
         """Drake's plant of the robot alone."""
         return build_plant(self.robot)
+
+    @cached_property
+    def usable_palms(self) -> tuple[int, ...]:
+        """The robot's palms that may touch some surface: indices into `EFFECTORS`."""
+        return tuple(e for e in self.robot.palms if self.scene.terrain.surfaces_for(EFFECTORS[e]))
 
     @cached_property
     def start(self) -> Stance:

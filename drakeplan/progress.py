@@ -23,6 +23,7 @@ class ProgressEvent:
         bound: that cost is at most this many times the optimum; None where nothing is known.
         expansions: nodes the search has expanded.
         elapsed: seconds since planning began.
+        left: seconds of the deadline that are left; None before its clock runs, inf without a deadline.
     """
 
     stage: str
@@ -31,6 +32,7 @@ class ProgressEvent:
     bound: float | None = None
     expansions: int | None = None
     elapsed: float | None = None
+    left: float | None = None
 
 
 Progress = Callable[[ProgressEvent], None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 EFFECTORS = ("left_foot", "right_foot", "left_palm", "right_palm")
+FEET, PALMS = EFFECTORS[:2], EFFECTORS[2:]
 LEFT_FOOT, RIGHT_FOOT, LEFT_PALM, RIGHT_PALM = range(4)
 
 

@@ -23,7 +23,6 @@ from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
-    from drakeplan.deadline import Deadline
     from drakeplan.plan.plan import Plan
     from drakeplan.progress import Progress, ProgressEvent
     from drakeplan.query.options import PlanOptions
@@ -159,7 +158,7 @@ def run(arguments: Arguments) -> int:
         _Telling(arguments, scene) as telling,
     ):
         options = _options(arguments, interrupted, telling)
-        result = plan_scene(scene, robot, options, telling.along(progress, options))
+        result = plan_scene(scene, robot, options, telling.along(progress))
         telling.answering()
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -306,16 +305,14 @@ class _Telling(contextlib.AbstractContextManager):
         self._facts = {"scene": scene.name, "seed": arguments.seed}
         self._out = arguments.out if arguments.keep_partial else None
         self._kept = f"{self._out}.{os.getpid()}.partial"
-        self._deadline: Deadline | None = None
+        self._started = False
 
     def __exit__(self, *_: object) -> None:
         if self._out is not None and self._wire is not None:
             Path(self._kept).unlink(missing_ok=True)
 
-    def along(self, progress: Progress, options: PlanOptions) -> Progress:
-        """The same progress, told to the watching process too; the clock of the deadline runs from the search on."""
-
-        from drakeplan.deadline import Deadline
+    def along(self, progress: Progress) -> Progress:
+        """The same progress, told to the watching process too."""
 
         def tell(event: ProgressEvent) -> None:
             progress(event)
@@ -324,12 +321,12 @@ class _Telling(contextlib.AbstractContextManager):
             self._wire.tell(stage=" ".join([event.stage, event.message]).rstrip())
             if event.stage == "explain":  # asked for beyond the deadline
                 self.answering()
-            if event.stage == "search" and self._deadline is None:
-                self._deadline = Deadline(options.deadline, None, options.used)
-                self._deadline.start()
+            if event.left is None:
+                return
+            if not self._started:
+                self._started = True
                 self._wire.tell(report=self._facts)
-            if self._deadline is not None:
-                self._wire.tell(left=self._deadline.left())  # again and again: kernels may have compiled meanwhile
+            self._wire.tell(left=event.left)  # again and again: kernels may have compiled meanwhile
 
         return tell
 

@@ -24,10 +24,11 @@ from drakeplan.contact_planning.contact_pool import ContactPool, Rest
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from scenes.footholds.partial_support import WIGGLE, no_supports, rest_feet
-from scenes.footholds.projection import Placements, boxes_are_free, patch_shape
+from scenes.footholds.projection import Placements, patch_shape
 from scenes.footholds.snap import Footholds, Snap, StepLimits
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
+from scenes.terrain.free_boxes import boxes_are_free
 from scenes.terrain.packed_terrain import PackedTerrain
 
 State = tuple[int, ...]  # five: left foot, right foot, left palm, right palm, last mover

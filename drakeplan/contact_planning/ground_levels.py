@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
+from scenes.terrain.packed_terrain import PackedTerrain, cells_under, height_at, in_cells, over_polygon
 
 INSIDE_MARGIN = 0.02  # [m] a cell's centre this far outside a polygon still has its ground
 MOST_FLOORS = 32  # of one cell; higher ones are left out
@@ -96,15 +96,8 @@ def _find_own(packed: PackedTerrain, ground: GroundLevels, i: int, j: int) -> No
         for k in in_cells(packed, row, j0, j1):
             if k >= packed.num_surfaces or not ground.feet[k] or packed.normal[k, 2] < 1e-3:
                 continue
-            normal = packed.normal[k]
-            z = (packed.offset[k] - normal[0] * x - normal[1] * y) / normal[2]
-            inside = True
-            for e in range(packed.count[k]):
-                w = packed.edge_normal[k, e]
-                if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e] + INSIDE_MARGIN:
-                    inside = False
-                    break
-            if inside and n < MOST_FLOORS:
+            z = height_at(packed, k, x, y)
+            if n < MOST_FLOORS and over_polygon(packed, k, x, y, z, INSIDE_MARGIN):
                 heights[n] = z
                 n += 1
     if n == 0:

@@ -177,8 +177,7 @@ class ProgramPlanner:
         self.notes: list[SolveNote] = []
         self._count = SolveCount()
         self._why = "not planned yet"
-        walls = [e for e in robot.palms if any(s.allows(robot.effectors[e].name) for s in terrain.surfaces)]
-        self._palms = tuple(walls) if options.use_palms else ()
+        self._palms = context.usable_palms if options.use_palms else ()
         choices: list[tuple[int, ...]] = [(), self._palms] if self._palms else [()]
         self._attempts = [(palms, self._least_contacts(palms)) for palms in choices]
         self.setup_s = time.perf_counter() - began

@@ -15,6 +15,7 @@ from scipy.ndimage import label as label_regions
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from scenes.effector import FEET
 from scenes.footholds.projection import PATCH_MARGIN
 from scenes.robots.robot import Robot
 from scenes.scene import GOAL_HEIGHT, Goal
@@ -50,7 +51,7 @@ def unreachable(
         full_soles: whether the middle of every sole is over its surface; else a part of the sole is.
         packed: the terrain, packed: surfaces that are alone and too small for a whole sole are then left out.
     """
-    feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
+    feet = terrain.surfaces_for(*FEET)
     if len(feet) > MOST_SURFACES:
         return ""
     on = [c.surface for c in start.contacts[:2] if c]
@@ -125,7 +126,7 @@ def walled_off(
         goal: region and floor.
         full_soles: as for `unreachable`.
     """
-    feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
+    feet = terrain.surfaces_for(*FEET)
     if len(feet) > MOST_SURFACES or not terrain.obstacles:
         return ""
     leg, cell = robot.leg_reach[1], min(CELL, float(abs(robot.hip[1])))

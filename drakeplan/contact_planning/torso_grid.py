@@ -28,9 +28,9 @@ from drakeplan.contact_planning.ground_levels import (
     nearest_level,
     own_levels,
 )
-from scenes.footholds.projection import box_is_free, nothing_near
 from scenes.robots.robot import Robot
 from scenes.scene import GOAL_HEIGHT, Goal
+from scenes.terrain.free_boxes import box_is_free, nothing_near
 from scenes.terrain.packed_terrain import PackedTerrain
 
 TURNS = 12  # yaw cells, 30 deg each

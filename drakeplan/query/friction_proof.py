@@ -17,7 +17,7 @@ from drakeplan.contact_planning.reachability import MOST_SURFACES, surfaces_in_r
 from drakeplan.context import QueryContext
 from drakeplan.query.relaxations import needed_friction
 from optimization.balance.friction import FrictionCone
-from scenes.effector import EFFECTORS
+from scenes.effector import FEET
 from scenes.gravity import GRAVITY
 from scenes.terrain.surface import Surface
 
@@ -34,9 +34,9 @@ def too_slippery(context: QueryContext, options: PlannerOptions) -> Surface | No
         options: of its search.
     """
     terrain, robot = context.scene.terrain, context.robot
-    if options.use_palms and any(s.allows(EFFECTORS[e]) for e in robot.palms for s in terrain.surfaces):
+    if options.use_palms and context.usable_palms:
         return None
-    feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
+    feet = terrain.surfaces_for(*FEET)
     if len(feet) > MOST_SURFACES:
         return None
     closed = [k for k in feet if _lack(terrain.surfaces[k], context.cone) > 1e-6]

@@ -25,7 +25,7 @@ from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
-from scenes.effector import EFFECTORS
+from scenes.effector import FEET
 from scenes.robots.nominal_stance import check_nominal_stance
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
@@ -74,6 +74,7 @@ def plan_scene(
         _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
     deadline.start()
+    tell = _with_time_left(tell, deadline)
     record.start, record.goal = context.start.feet_mean().tolist(), list(context.goal.xyz)
     record.notes += context.floor_notes
     dynamics = _dynamics(context, options, record.notes)
@@ -112,6 +113,11 @@ def plan_scene(
     return result
 
 
+def _with_time_left(tell: Progress, deadline: Deadline) -> Progress:
+    """The same progress, every event with the seconds that are left."""
+    return lambda event: tell(dataclasses.replace(event, left=deadline.left()))
+
+
 def _load_kernels(context: QueryContext, tell: Progress) -> None:
     """Loads what is compiled, and says so where it has to be compiled first."""
     note = ProgressEvent("load", "compiling kernels, once on this machine: one to two minutes")
@@ -143,8 +149,7 @@ def _attempt(
 def _may_spare_palms(context: QueryContext, options: PlanOptions) -> bool:
     """Whether the palms could touch something but the feet alone may do."""
     searches = planner_entry(options.planner).judges_transitions
-    usable = any(s.allows(EFFECTORS[e]) for e in context.robot.palms for s in context.scene.terrain.surfaces)
-    return options.use_palms and searches and usable
+    return options.use_palms and searches and bool(context.usable_palms)
 
 
 def _feet_alone(
@@ -220,7 +225,8 @@ def _not_learned(context: QueryContext, options: PlanOptions) -> str:
     learned = surrogate.card.get("cone", DEFAULT_CONE)
     if context.cone != learned:
         return f"learned dynamics exist only for --cone {learned}"
-    surfaces = [s for s in context.scene.terrain.surfaces if s.allows("left_foot") or s.allows("right_foot")]
+    terrain = context.scene.terrain
+    surfaces = [terrain.surfaces[k] for k in terrain.surfaces_for(*FEET)]
     rough = surrogate.friction[1] + FRICTION_TOLERANCE
     for surface in surfaces:  # what holds a foot only by more friction than was learned is refused by what was learned
         if surface.friction > rough and needed_friction(surface.normal) > SURELY_HELD * surrogate.friction[1]:

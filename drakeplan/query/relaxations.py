@@ -14,6 +14,7 @@ import numpy as np
 
 from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.context import QueryContext
+from scenes.effector import FEET
 from scenes.terrain.terrain import Terrain
 from scenes.transition_model import transition_model
 
@@ -81,7 +82,7 @@ def relaxations(context: QueryContext, options: PlannerOptions) -> list[Relaxati
 
 def slippery(terrain: Terrain) -> bool:
     """Whether a surface for feet is steeper than its friction holds a foot on it."""
-    feet = (s for s in terrain.surfaces if s.allows("left_foot") or s.allows("right_foot"))
+    feet = (terrain.surfaces[k] for k in terrain.surfaces_for(*FEET))
     return any(s.friction < max(needed_friction(s.normal), 1e-3) for s in feet)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 from scenes.terrain.terrain import Terrain
 
 GOAL_YAW_TOLERANCE = np.deg2rad(15.0)
@@ -53,6 +55,11 @@ class ContactQuery:
             raise InputError("mixed-integer planner: start: expected both feet on the ground")
         if not np.isfinite([*self.goal.xyz[:2], self.goal.radius]).all() or self.goal.radius <= 0:
             raise InputError(f"mixed-integer planner: goal: expected finite numbers and a radius > 0, got {self.goal}")
+
+    @cached_property
+    def packed(self) -> PackedTerrain:
+        """The terrain as arrays."""
+        return pack_terrain(self.terrain)
 
     @property
     def feet(self) -> tuple[Contact, Contact]:

@@ -96,8 +96,8 @@ class ConvexSetGraph:
         heading = self.query.feet[0].heading
         intervals = self.options.headings or ((heading, heading),)
         ends = sorted({end for interval in intervals for end in interval})
-        terrain, robot, holds = self.query.terrain, self.query.robot, partial(stands_alone, self.query.cone)
-        return [r for h in ends for r in foothold_regions(terrain, robot, effector, (h, h), holds=holds)]
+        packed, robot, holds = self.query.packed, self.query.robot, partial(stands_alone, self.query.cone)
+        return [r for h in ends for r in foothold_regions(packed, robot, effector, (h, h), holds=holds)]
 
     def _add_layer(self, i: int, mover: int, previous: list[Foothold]) -> list[Foothold]:
         reach, goal = self.query.reach, self.query.goal

@@ -89,8 +89,8 @@ class FootstepProgram:
         headings = self.options.headings or ((start.heading, start.heading),)
         alone = self._standing and effector < 2 and not self.options.palms
         holds = partial(stands_alone, self.query.cone) if alone else None
-        terrain, robot = self.query.terrain, self.query.robot
-        return [r for h in headings for r in foothold_regions(terrain, robot, effector, h, holds=holds)]
+        packed, robot = self.query.packed, self.query.robot
+        return [r for h in headings for r in foothold_regions(packed, robot, effector, h, holds=holds)]
 
     def _add_contact(self, i: int, mover: int) -> bool:
         """The i-th contact; False where no surface is near enough to be its own."""

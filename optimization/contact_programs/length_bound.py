@@ -16,12 +16,13 @@ import numpy as np
 import shapely
 
 from optimization.contact_programs.step_graph import Foothold, StepGraph, could_step, graph_options, quiet
-from scenes.effector import EFFECTORS
-from scenes.footholds.foothold_regions import MARGIN, FootholdRegion, disc_region
+from scenes.effector import PALMS
+from scenes.footholds.foothold_regions import FootholdRegion, disc_region
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
+from scenes.terrain.packed_terrain import pack_terrain
 from scenes.transition_model import TransitionModel, transition_model
 
 SAME_CONTACT = 0.02  # [m] contacts nearer than this along every axis may count as one (`drakeplan.contact_planning.contact_pool.CELL`)
@@ -109,7 +110,7 @@ def length_lower_bound(
     if start.contacts[0] is None or start.contacts[1] is None:
         raise InputError(f"scene {scene.name}: length bound: expected both feet on the ground at the start")
     model = model or transition_model()
-    walls = any(s.allows(EFFECTORS[e]) for s in scene.terrain.surfaces for e in (2, 3))
+    walls = bool(scene.terrain.surfaces_for(*PALMS))
     held = any(c is not None for c in start.contacts[2:])
     bounds = _Bounds(scene, robot, start, goal, model, step_weight, palms and (walls or held))
     straight = bounds.straight()
@@ -138,6 +139,7 @@ class _Bounds:
         palms: bool,
     ) -> None:
         self.scene, self.robot, self.start, self.goal = scene, robot, start, goal
+        self.packed = pack_terrain(scene.terrain)
         left, right = start.contacts[:2]
         assert left is not None
         assert right is not None
@@ -162,12 +164,8 @@ class _Bounds:
 
     def _candidates(self, effector: int) -> list[FootholdRegion]:
         spec = self.robot.effectors[effector]
-        radius = min(spec.half_extent) - MARGIN  # `disc_region` insets by the margin again
-        found = [
-            disc_region(s, k, effector, radius)
-            for k, s in enumerate(self.scene.terrain.surfaces)
-            if s.allows(spec.name)
-        ]
+        numbers = np.flatnonzero(self.packed.allowed[: self.packed.num_surfaces, effector]).tolist()
+        found = [disc_region(self.packed, k, effector, min(spec.half_extent)) for k in numbers]
         return [r for r in found if r is not None]
 
     def relaxation(self, first: int, num_steps: int, time_limit: float) -> tuple[float, str]:

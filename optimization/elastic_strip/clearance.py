@@ -15,8 +15,8 @@ from numba import njit
 
 from optimization.multibody.body_capsules import BodyCapsules, closest_on_segments
 from optimization.multibody.kinematic_tree import KinematicTree, point_jacobian
-from optimization.multibody.terrain_clearance import may_touch, over_polygon, place
-from scenes.terrain.packed_terrain import PackedTerrain, near
+from optimization.multibody.terrain_clearance import may_touch, place
+from scenes.terrain.packed_terrain import PackedTerrain, near, over_polygon
 
 WITHIN = 0.04  # [m] behind a face: twice the thickness of a plate, since a foot may have come through it
 BODY_REACH = 1.0  # [m] no part of a body is further from its base than this in plan view
@@ -131,9 +131,9 @@ def axis_to_polygon(
         t = deep / (deep - other) if other > 0.0 else 0.0  # where the axis passes through the plane, from its deep end
         o = b if height_a < height_b else a
         through = other > 0.0 and over_polygon(
-            packed, k, x[0] + t * (o[0] - x[0]), x[1] + t * (o[1] - x[1]), x[2] + t * (o[2] - x[2])
+            packed, k, x[0] + t * (o[0] - x[0]), x[1] + t * (o[1] - x[1]), x[2] + t * (o[2] - x[2]), 0.0
         )
-        if through or (deep > -WITHIN and over_polygon(packed, k, x[0], x[1], x[2])):
+        if through or (deep > -WITHIN and over_polygon(packed, k, x[0], x[1], x[2], 0.0)):
             for r in range(3):
                 point[r] = x[r]
                 normal[r] = n[r]
@@ -141,7 +141,7 @@ def axis_to_polygon(
     best = np.inf
     for end in range(2):
         x, height = (a, height_a) if end == 0 else (b, height_b)
-        if abs(height) < best and over_polygon(packed, k, x[0], x[1], x[2]):
+        if abs(height) < best and over_polygon(packed, k, x[0], x[1], x[2], 0.0):
             best = abs(height)
             for r in range(3):
                 point[r] = x[r]

@@ -12,7 +12,7 @@ from numba import njit
 
 from optimization.multibody.body_capsules import BodyCapsules
 from optimization.multibody.kinematic_tree import KinematicTree, forward
-from scenes.terrain.packed_terrain import PackedTerrain, near
+from scenes.terrain.packed_terrain import PackedTerrain, near, over_polygon
 
 BODY_REACH = 1.0  # [m] no part of a body is further from its base than this in plan view
 
@@ -77,12 +77,12 @@ def segment_distance(packed: PackedTerrain, k: int, a: np.ndarray, b: np.ndarray
     height_b = n[0] * b[0] + n[1] * b[1] + n[2] * b[2] - packed.offset[k]
     if height_a * height_b < 0.0:
         t = height_a / (height_a - height_b)
-        if over_polygon(packed, k, a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])):
+        if over_polygon(packed, k, a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]), 0.0):
             return 0.0
     best = np.inf
-    if over_polygon(packed, k, a[0], a[1], a[2]):
+    if over_polygon(packed, k, a[0], a[1], a[2], 0.0):
         best = abs(height_a)
-    if over_polygon(packed, k, b[0], b[1], b[2]):
+    if over_polygon(packed, k, b[0], b[1], b[2], 0.0):
         best = min(best, abs(height_b))
     count = packed.count[k]
     for e in range(count):
@@ -133,22 +133,6 @@ def may_touch(packed: PackedTerrain, k: int, c: np.ndarray, reach: float) -> boo
             return False
     n = packed.normal[k]
     return abs(n[0] * c[0] + n[1] * c[1] + n[2] * c[2] - packed.offset[k]) < reach
-
-
-@njit(cache=True)
-def over_polygon(packed: PackedTerrain, k: int, x: float, y: float, z: float) -> bool:
-    """Whether a point lies straight above or below polygon k, along its normal.
-
-    Args:
-        packed: the terrain.
-        k: index of the polygon.
-        x, y, z: the point in W [m].
-    """
-    for e in range(packed.count[k]):
-        w = packed.edge_normal[k, e]
-        if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e]:
-            return False
-    return True
 
 
 @njit(cache=True)

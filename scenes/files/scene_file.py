@@ -89,20 +89,10 @@ def scene_from_yaml(
         _surface(e, i, entry.friction, source, notes, FAR_TWINS if offset else TWIN_CORNERS)
         for i, e in enumerate(entry.surfaces)
     ]
-    flags = [False] * len(surfaces)
     boxes = [_box(e, i) for i, e in enumerate(entry.obstacles)]
-    obstacles: list[Box | TriangleMesh] = [*boxes]
-    if mesh_triangles is not None:
-        rest = _without_boxes(mesh_triangles, obstacles)
-        if len(rest):
-            flags = [surface.name.startswith(MESH_PREFIX) for surface in surfaces]
-            obstacles.append(TriangleMesh("meshes", rest))
-    else:
-        count = sum(surface.name.startswith(MESH_PREFIX) for surface in surfaces)
-        if count:
-            notes.append(
-                f"{count} surfaces called {MESH_PREFIX}... come from mesh files that are not listed: used as plates of 2 cm"
-            )
+    kept = _kept_mesh(surfaces, boxes, mesh_triangles, notes)
+    obstacles: list[Box | TriangleMesh] = [*boxes, *kept]
+    flags = [bool(kept) and surface.name.startswith(MESH_PREFIX) for surface in surfaces]
     for wanted, box in zip(entry.obstacles, boxes, strict=True):
         rough = entry.friction if wanted.friction is None else wanted.friction
         sides = box_sides(box, wanted.contact or [], rough)
@@ -120,16 +110,7 @@ def scene_from_yaml(
         surfaces += mesh.surfaces
         flags += [True] * len(mesh.surfaces)
         notes += mesh.notes
-    _check_names([o.name for o in obstacles], "obstacles", source)
-    _check_names([s.name for s in surfaces], "surfaces", source)
-    if not surfaces:
-        raise InputError(f"{source}: surfaces: expected at least one, listed here or from a mesh")
-    terrain = Terrain(tuple(surfaces), tuple(obstacles), tuple(flags))
-    if terrain_reach(terrain) > FAR:
-        raise InputError(
-            f"{source}: reaches {terrain_reach(terrain):.3g} m from its origin, expected at most 100 km; "
-            "give an origin_offset in the middle of the map"
-        )
+    terrain = _terrain(surfaces, obstacles, flags, source)
     _note_degrees(entry, notes)
     goal = entry.goal and Goal(_place(entry.goal.xyz), entry.goal.radius, entry.goal.yaw)
     return Scene(
@@ -142,6 +123,40 @@ def scene_from_yaml(
         origin_offset=offset,
         notes=tuple(f"{source}: {note}" for note in notes),
     )
+
+
+def _kept_mesh(
+    surfaces: list[Surface], boxes: list[Box], mesh_triangles: np.ndarray | None, notes: list[str]
+) -> list[TriangleMesh]:
+    """The mesh of the triangles that a plan file keeps, less those of boxes; a note where surfaces of meshes have lost theirs."""
+    if mesh_triangles is not None:
+        rest = _without_boxes(mesh_triangles, boxes)
+        return [TriangleMesh("meshes", rest)] if len(rest) else []
+    count = sum(surface.name.startswith(MESH_PREFIX) for surface in surfaces)
+    if count:
+        notes.append(
+            f"{count} surfaces called {MESH_PREFIX}... come from mesh files that are not listed: used as plates of 2 cm"
+        )
+    return []
+
+
+def _terrain(surfaces: list[Surface], obstacles: list[Box | TriangleMesh], flags: list[bool], source: str) -> Terrain:
+    """The terrain of a scene file.
+
+    Raises:
+        InputError: two of one name, no surface, or something is too far away.
+    """
+    _check_names([o.name for o in obstacles], "obstacles", source)
+    _check_names([s.name for s in surfaces], "surfaces", source)
+    if not surfaces:
+        raise InputError(f"{source}: surfaces: expected at least one, listed here or from a mesh")
+    terrain = Terrain(tuple(surfaces), tuple(obstacles), tuple(flags))
+    if terrain_reach(terrain) > FAR:
+        raise InputError(
+            f"{source}: reaches {terrain_reach(terrain):.3g} m from its origin, expected at most 100 km; "
+            "give an origin_offset in the middle of the map"
+        )
+    return terrain
 
 
 def _localised(
@@ -266,7 +281,7 @@ def _box(entry: ObstacleEntry, index: int) -> Box:
     return Box(entry.name or f"obstacle_{index}", np.array(entry.box), _pose(entry.pose))
 
 
-def _without_boxes(triangles: np.ndarray, obstacles: list[Box | TriangleMesh]) -> np.ndarray:
+def _without_boxes(triangles: np.ndarray, obstacles: Sequence[Box]) -> np.ndarray:
     """(K, 3, 3) the triangles that are not, to a micrometre, those of a box."""
     if not obstacles:
         return triangles

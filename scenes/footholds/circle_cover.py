@@ -1,56 +1,36 @@
 """Circles that cover the free part of a plane: grown from samples on a grid that gets finer where circles are small.
 
 A sample that no circle holds yet gets one that holds it and has grown: its centre moves to where its radius is larger.
-The free part is where a point satisfies half planes n . x <= c and keeps a distance from convex polygons. The largest
-circle in it about a point has a radius in closed form; it may be negative, minus a bound on the way back in.
+The largest circle about a point in a free space (`scenes.footholds.free_space`) has a radius in closed form; it may be negative, minus
+a bound on the way back in.
 
 Source: Lin 2020, "Learning for Humanoid Multi-Contact Navigation Planning", sec. 4.5.1.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
+
+from scenes.footholds.free_space import FreeSpace
 
 LEAST_RADIUS = 0.1  # of the finest spacing; smaller circles hold nothing
 GROWTH_STEP = 0.2  # of the finest spacing, where the search for a larger circle stops
 COVERED = 0.999  # share of a circle that counts as covered, so that samples on its edge grow none
 
 
-class FreeSpace(NamedTuple):
-    """The free part of a plane: inside K half planes, and away from B convex polygons.
-
-    Attributes:
-        normals: (K, 2) outward unit normals of the half planes.
-        offsets: (K,) n . x <= c [m].
-        blockers: (B, V, 2) corners of the polygons, counter-clockwise; segments and points have two and one [m].
-        counts: (B,) how many corners are real.
-        keep: distance to keep from the polygons [m].
-    """
-
-    normals: np.ndarray
-    offsets: np.ndarray
-    blockers: np.ndarray
-    counts: np.ndarray
-    keep: float
-
-
 @njit(cache=True)
 def free_radius(x: np.ndarray, space: FreeSpace) -> float:
-    """Radius of the largest circle about a point in the free part [m]; negative where the point is not free.
+    """Radius of the largest circle about a point in a free space [m]; negative where the point is not free.
 
     Args:
         x: (2,) the point [m].
-        space: the free part.
+        space: the free space, with an outline.
     """
-    normals, offsets = space.normals, space.offsets
-    radius = np.inf
-    for k in range(normals.shape[0]):
-        radius = min(radius, offsets[k] - normals[k, 0] * x[0] - normals[k, 1] * x[1])
-    for b in range(space.blockers.shape[0]):
-        radius = min(radius, polygon_distance(x, space.blockers[b], space.counts[b]) - space.keep)
+    radius = -polygon_distance(x, space.outline, space.outline.shape[0])
+    for b in range(space.start.shape[0] - 1):
+        first, end = space.start[b], space.start[b + 1]
+        radius = min(radius, polygon_distance(x, space.corner[first:end], end - first))
     return radius
 
 
@@ -70,9 +50,9 @@ def polygon_distance(x: np.ndarray, corners: np.ndarray, count: int) -> float:
         px, py = x[0] - corners[a, 0], x[1] - corners[a, 1]
         length2 = ex * ex + ey * ey
         t = min(max((px * ex + py * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
-        nearest = min(nearest, np.sqrt((px - t * ex) ** 2 + (py - t * ey) ** 2))
+        nearest = min(nearest, (px - t * ex) ** 2 + (py - t * ey) ** 2)
         inside = inside and ex * py - ey * px >= 0.0
-    return -nearest if inside else nearest
+    return -np.sqrt(nearest) if inside else np.sqrt(nearest)
 
 
 @njit(cache=True)
@@ -80,13 +60,14 @@ def cover_free_space(space: FreeSpace, coarsest: float, finest: float) -> np.nda
     """(K, 3) circles x, y, radius [m] that cover the free part, none within another.
 
     Args:
-        space: the free part; its half planes enclose a bounded part of the plane.
+        space: the free part.
         coarsest: first spacing of the samples [m].
         finest: last spacing of the samples [m].
     """
-    low, high = _bounds(space.normals, space.offsets)
-    if not (high[0] >= low[0] and high[1] >= low[1]):
+    if space.outline.shape[0] < 3:
         return np.zeros((0, 3))
+    u, v = space.outline[:, 0], space.outline[:, 1]
+    low, high = (u.min(), v.min()), (u.max(), v.max())
     spacing = coarsest
     nx = max(int(np.ceil((high[0] - low[0]) / spacing)), 1) | 1  # odd: the middle is sampled, where circles are largest
     ny = max(int(np.ceil((high[1] - low[1]) / spacing)), 1) | 1
@@ -158,25 +139,3 @@ def _holds(circles: np.ndarray, n: int, x: np.ndarray, around: float) -> bool:
         if room >= 0.0 and (x[0] - circles[k, 0]) ** 2 + (x[1] - circles[k, 1]) ** 2 <= room * room:
             return True
     return False
-
-
-@njit(cache=True)
-def _bounds(normals: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner of the intersection of half planes [m]; low > high where it is empty."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for a in range(normals.shape[0]):
-        for b in range(a):
-            det = normals[a, 0] * normals[b, 1] - normals[a, 1] * normals[b, 0]
-            if abs(det) < 1e-12:
-                continue
-            x = (offsets[a] * normals[b, 1] - offsets[b] * normals[a, 1]) / det
-            y = (normals[a, 0] * offsets[b] - normals[b, 0] * offsets[a]) / det
-            feasible = True
-            for k in range(normals.shape[0]):
-                if normals[k, 0] * x + normals[k, 1] * y > offsets[k] + 1e-9:
-                    feasible = False
-                    break
-            if feasible:
-                low[0], low[1] = min(low[0], x), min(low[1], y)
-                high[0], high[1] = max(high[0], x), max(high[1], y)
-    return low, high

@@ -16,17 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenes.contact import contact_rotation
-from scenes.effector import EFFECTORS, is_foot
-from scenes.footholds.circle_cover import FreeSpace, cover_free_space
-from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE, PATCH_MARGIN
+from scenes.effector import EFFECTORS
+from scenes.footholds.circle_cover import cover_free_space
+from scenes.footholds.free_space import ROUNDING, free_space, turned_footprint
+from scenes.footholds.projection import PATCH_MARGIN, patch_shape
 from scenes.robots.robot import EffectorSpec
-from scenes.terrain.packed_terrain import PackedTerrain, near
-from scenes.terrain.polygon import clip, convex_hull
+from scenes.terrain.packed_terrain import PackedTerrain
 
 COARSEST = 0.08  # [m] first spacing of the samples
 FINEST = 0.01  # [m] d_cr,min, where refinement stops
 TILT_WEIGHT = 0.5  # [m] w_r of Lin 2020 eq. 4.4, what a normal that points sideways counts
-TURN_STEP = np.deg2rad(5.0)  # between the rotations whose hull stands for a range of them
 TINY = 1e-9  # [m] distances that count as equal
 HOLDS = 1e-5  # [m] a contact this far off a circle is still held by it
 
@@ -159,107 +158,34 @@ def cover_terrain(
         packed: the terrain.
         effector: gives the patch and what the foot needs beyond it.
         heading: yaw of the end effector [rad]; palms on walls point up whatever it is. None allows every rotation
-            about the normal, as documented: the surface is shrunk by the circle around the patch.
+            about the normal, as documented: the surface is shrunk by a polygon around the circle around the patch.
         turn: how far the contact may turn about the normal from there, to either side [rad].
         surfaces: indices of those to cover, None for all.
         around: (3,) point near which circles are wanted, None for everywhere [m].
         reach: half width of the square about it, in the plane of each surface, that circles stay in [m].
         coarsest, finest: spacing of the samples, first and last [m].
     """
-    index = EFFECTORS.index(effector.name)
+    index, patch = EFFECTORS.index(effector.name), patch_shape(effector)
+    low, high = (-np.pi, np.pi) if heading is None else (-turn, turn)
+    footprint = turned_footprint(patch, low, high, PATCH_MARGIN, ROUNDING)
     chosen = range(packed.num_surfaces) if surfaces is None else surfaces
     surface, X_WR, radius = [np.zeros(0, np.int64)], [np.zeros((0, 4, 4))], [np.zeros(0)]
     for k in chosen:
         if not packed.allowed[k, index]:
             continue
-        X_WS = _surface_frame(packed, k, effector.name, 0.0 if heading is None else heading)
-        window = None if around is None else (X_WS[:3, :2].T @ (np.asarray(around) - X_WS[:3, 3]), reach)
-        space = _free_space(packed, k, X_WS, effector, None if heading is None else turn, window)
-        circles = cover_free_space(space, coarsest, finest)
-        X = np.tile(X_WS, (len(circles), 1, 1))
-        X[:, :3, 3] += circles[:, :2] @ X_WS[:3, :2].T
+        R = contact_rotation(effector.name, packed.normal[k], 0.0 if heading is None else heading)
+        sides = np.zeros((0, 3)) if around is None else _square(R[:, :2].T @ np.asarray(around), reach)
+        circles = cover_free_space(free_space(packed, k, R, footprint, sides), coarsest, finest)
+        X = np.tile(np.eye(4), (len(circles), 1, 1))
+        X[:, :3, :3] = R
+        X[:, :3, 3] = circles[:, :2] @ R[:, :2].T + packed.offset[k] * R[:, 2]
         surface.append(np.full(len(circles), k))
         X_WR.append(X)
         radius.append(circles[:, 2])
     return ContactRegions(np.concatenate(surface), np.concatenate(X_WR), np.concatenate(radius))
 
 
-def _free_space(
-    packed: PackedTerrain,
-    k: int,
-    X_WS: np.ndarray,
-    effector: EffectorSpec,
-    turn: float | None,
-    window: tuple[np.ndarray, float] | None = None,
-) -> FreeSpace:
-    """What bounds the end effector's centre on a surface, in the plane of X_WS.
-
-    Half planes n . x <= c (the outline, shrunk by the patch), polygons that it may not enter (what stands above the
-    surface, grown by the patch and what the foot needs beyond it), and a distance to keep from those. A window, a point of
-    the plane and the half width of the square about it [m], adds half planes.
-    """
-    hx, hy = effector.half_extent
-    front, back, side = effector.overhang
-    patch = _footprint(hx, hx, hy, turn)
-    body = _footprint(hx + front, hx + back, hy + side, turn)
-    keep_patch, keep_body = 0.0, 0.0
-    if turn is None:  # any rotation: discs around the patch and around all of the foot
-        keep_patch, keep_body = float(np.hypot(hx, hy)), float(np.hypot(hx + max(front, back), hy + side))
-    count = packed.count[k]
-    normals = packed.edge_normal[k, :count] @ X_WS[:3, :2]
-    offsets = packed.edge_offset[k, :count] - packed.edge_normal[k, :count] @ X_WS[:3, 3]
-    inset = (patch @ normals.T).max(axis=0) + keep_patch + PATCH_MARGIN
-    height = FOOT_CLEARANCE if is_foot(effector.name) else PALM_CLEARANCE
-    reach = float(np.linalg.norm(body, axis=1).max()) + keep_body + height
-    low, high = packed.low[k, :2] - reach, packed.high[k, :2] + reach
-    grown = []
-    around = near(packed, low[0], low[1], high[0], high[1])
-    over = (packed.vertices[around] - X_WS[:3, 3]) @ X_WS[:3, 2]  # padded with copies, which change no bound
-    tall = (over.max(axis=1) > COVER_GAP) & (over.min(axis=1) < height)
-    if window is not None:
-        flat = (packed.vertices[around] - X_WS[:3, 3]) @ X_WS[:3, :2] - window[0]
-        most = window[1] + reach
-        tall &= ((flat.min(axis=1) < most) & (flat.max(axis=1) > -most)).all(axis=1)
-    for j in around[tall]:
-        above = _slab(packed.vertices[j, : packed.count[j]], X_WS, height) if j != k else np.zeros((0, 2))
-        if len(above):
-            grown.append(convex_hull((above[:, None] - body[None]).reshape(-1, 2)))
-    counts = np.array([len(g) for g in grown], np.int64)
-    blockers = np.zeros((len(grown), int(counts.max(initial=1)), 2))
-    for i, g in enumerate(grown):
-        blockers[i, : len(g)] = g
-    offsets = offsets - inset
-    if window is not None:
-        square = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-        normals, offsets = np.vstack([normals, square]), np.append(offsets, square @ window[0] + window[1])
-    return FreeSpace(np.ascontiguousarray(normals), offsets, blockers, counts, keep_body)
-
-
-def _surface_frame(packed: PackedTerrain, k: int, effector: str, heading: float) -> np.ndarray:
-    """(4, 4) X_WS: the axes of a contact with this heading, at the middle of the surface."""
-    X_WS = np.eye(4)
-    X_WS[:3, :3] = contact_rotation(effector, packed.normal[k], heading)
-    X_WS[:3, 3] = packed.vertices[k, : packed.count[k]].mean(axis=0)
-    return X_WS
-
-
-def _footprint(front: float, back: float, side: float, turn: float | None) -> np.ndarray:
-    """(F, 2) points whose hull holds the rectangle at every rotation up to `turn`; the centre alone for None."""
-    if turn is None:
-        return np.zeros((1, 2))
-    corners = np.array([[front, side], [-back, side], [-back, -side], [front, -side]])
-    steps = int(np.ceil(turn / TURN_STEP - 1e-9))
-    angles = np.linspace(-turn, turn, 2 * steps + 1)
-    # Between two samples a corner leaves their chord: as far out, the chord would touch the arc.
-    outwards = 1.0 / np.cos(0.5 * turn / steps) if steps else 1.0
-    c, s = np.cos(angles), np.sin(angles)
-    turned = np.einsum("aij,fj->afi", np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1), corners)
-    return outwards * turned.reshape(-1, 2)
-
-
-def _slab(polygon: np.ndarray, X_WS: np.ndarray, height: float) -> np.ndarray:
-    """(m, 2) the part of a polygon (K, 3) between `COVER_GAP` and `height` above the plane of X_WS, seen from above."""
-    points = (polygon - X_WS[:3, 3]) @ X_WS[:3, :3]
-    for sign, bound in ((1.0, height), (-1.0, -COVER_GAP)):
-        points = clip(points, sign * points[:, 2] - bound)
-    return points[:, :2]
+def _square(middle: np.ndarray, half: float) -> np.ndarray:
+    """(4, 3) half planes of a square along the axes: rows (a, b, c) mean a u + b v <= c [m]."""
+    axes = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    return np.column_stack([axes, axes @ middle + half])

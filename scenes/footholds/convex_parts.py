@@ -101,11 +101,41 @@ def cut(polygon: np.ndarray, count: int, tail: np.ndarray, head: np.ndarray, sig
             out[n, 0], out[n, 1] = polygon[k, 0], polygon[k, 1]
             n += 1
         if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
-            share = here / (here - there)
-            out[n, 0] = polygon[k, 0] + share * (polygon[j, 0] - polygon[k, 0])
-            out[n, 1] = polygon[k, 1] + share * (polygon[j, 1] - polygon[k, 1])
-            n += 1
+            n = _add_between(polygon[k], polygon[j], here / (here - there), out, n)
     return n
+
+
+@njit(cache=True)
+def below(polygon: np.ndarray, count: int, nu: float, nv: float, bound: float, out: np.ndarray) -> int:
+    """Writes the part of a convex polygon with nu u + nv v <= bound; its number of corners.
+
+    Args:
+        polygon: (K, 2) corners (u, v) [m].
+        count: how many are real.
+        nu: of the half plane's outward normal.
+        nv: of the half plane's outward normal.
+        bound: of the half plane [m].
+        out: (count + 1 or more, 2) is written here.
+    """
+    n = 0
+    for k in range(count):
+        j = k + 1 if k + 1 < count else 0
+        here = nu * polygon[k, 0] + nv * polygon[k, 1] - bound
+        there = nu * polygon[j, 0] + nv * polygon[j, 1] - bound
+        if here <= 0.0:
+            out[n, 0], out[n, 1] = polygon[k, 0], polygon[k, 1]
+            n += 1
+        if (here < 0.0 and there > 0.0) or (here > 0.0 and there < 0.0):
+            n = _add_between(polygon[k], polygon[j], here / (here - there), out, n)
+    return n
+
+
+@njit(cache=True)
+def _add_between(one: np.ndarray, other: np.ndarray, share: float, out: np.ndarray, n: int) -> int:
+    """Writes the point at a share of the way from one corner to another as number n; n + 1."""
+    out[n, 0] = one[0] + share * (other[0] - one[0])
+    out[n, 1] = one[1] + share * (other[1] - one[1])
+    return n + 1
 
 
 @njit(cache=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from scenes.footholds.convex_parts import CORNERS, PARTS, subtract
+from scenes.terrain.clipping import clip_between, seen_from
 from scenes.terrain.floors import FLUSH, LEVEL
 from scenes.terrain.packed_terrain import PackedTerrain
 
@@ -110,26 +111,8 @@ def _take(
     scratch: np.ndarray,
 ) -> int:
     """Takes a convex polygon (K, 3) of W from the n parts of a region; how many are left, -1 where they have no room."""
-    cur, m = 0, count
-    for k in range(m):
-        for a in range(3):
-            scratch[0, k, a] = (
-                R[0, a] * (polygon[k, 0] - p[0]) + R[1, a] * (polygon[k, 1] - p[1]) + R[2, a] * (polygon[k, 2] - p[2])
-            )
-    for side in range(2):
-        sign = 1.0 if side == 0 else -1.0
-        out = 0
-        for k in range(m):
-            j = k + 1 if k + 1 < m else 0
-            above, next_above = sign * scratch[cur, k, 2] - FLUSH, sign * scratch[cur, j, 2] - FLUSH
-            if above <= 0.0:
-                scratch[1 - cur, out] = scratch[cur, k]
-                out += 1
-            if (above < 0.0 and next_above > 0.0) or (above > 0.0 and next_above < 0.0):
-                share = above / (above - next_above)
-                scratch[1 - cur, out] = scratch[cur, k] + share * (scratch[cur, j] - scratch[cur, k])
-                out += 1
-        m, cur = out, 1 - cur
+    seen_from(polygon, count, p, R, scratch[0])
+    cur, m = clip_between(scratch[:2], 0, count, 2, -FLUSH, FLUSH)
     if m < 3:
         return n
     return subtract(scratch[cur], m, parts, size, n, scratch[2], scratch[3])

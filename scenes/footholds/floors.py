@@ -9,9 +9,10 @@ import numpy as np
 
 from scenes.effector import EFFECTORS
 from scenes.footholds.partial_support import rest_down
-from scenes.footholds.projection import FOOT_CLEARANCE, box_is_free, set_down
+from scenes.footholds.projection import FOOT_CLEARANCE, set_down
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
+from scenes.terrain.free_boxes import box_is_free
 from scenes.terrain.packed_terrain import PackedTerrain
 
 Z_WINDOW = 0.5  # [m] around a start's or goal's z in which its floor is looked for

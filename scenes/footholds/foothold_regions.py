@@ -7,6 +7,7 @@ regions; there they grow by IRIS, here terrain already comes as convex polygons 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,16 +15,18 @@ import numpy as np
 import shapely
 
 from scenes.contact import Contact, contact_pose, contact_rotation
-from scenes.effector import EFFECTORS
-from scenes.footholds.projection import COVER_GAP, FOOT_CLEARANCE, PALM_CLEARANCE
-from scenes.robots.robot import EffectorSpec, Robot
+from scenes.effector import EFFECTORS, is_foot
+from scenes.footholds.free_space import FreeSpace, free_space, turned_footprint
+from scenes.footholds.projection import patch_shape
+from scenes.robots.robot import Robot
+from scenes.terrain.floors import JOINT
+from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.terrain.polygon import area, clip, edge_normals
-from scenes.terrain.surface import Surface
-from scenes.terrain.terrain import Terrain
 
 MARGIN = 1e-3  # [m] regions stay this far inside, so that a solver's tolerance never puts a patch outside
 LEAST_AREA = 1e-4  # [m^2] smaller pieces are dropped
 MAX_PIECES = 3  # of one surface
+MOST_CUT = 8  # pieces that are cut further, while there are polygons to take from them
 WORTH = 0.15  # share of what is kept already that a further piece must add: each costs a binary variable a contact
 
 
@@ -73,7 +76,7 @@ class FootholdRegion:
 
 
 def foothold_regions(
-    terrain: Terrain,
+    packed: PackedTerrain,
     robot: Robot,
     effector: int,
     heading: tuple[float, float],
@@ -83,7 +86,7 @@ def foothold_regions(
     """Every region where an end effector may be placed.
 
     Args:
-        terrain: surfaces to stand on, and what stands above them.
+        packed: surfaces to stand on, and what stands above them.
         robot: whose patches.
         effector: index into `EFFECTORS`.
         heading: least and greatest heading [rad].
@@ -91,192 +94,105 @@ def foothold_regions(
             which it is not are left out (quasi-static walking: one contact must carry the weight by itself).
     """
     spec = robot.effectors[effector]
-    bodies = _bodies(terrain)
+    patch, anywhere = patch_shape(spec), np.empty((0, 3))
     found = []
-    for number, surface in enumerate(terrain.surfaces):
-        if not surface.allows(spec.name) or (effector < 2 and surface.normal[2] < 1e-3):
+    for number in np.flatnonzero(packed.allowed[: packed.num_surfaces, effector]).tolist():
+        normal = packed.normal[number]
+        if is_foot(spec.name) and normal[2] < 1e-3:
             continue
-        if holds is not None:
-            R_WC = contact_rotation(spec.name, surface.normal, float(np.mean(heading)))
-            if not holds(surface.friction, R_WC):
-                continue
-        for polygon in _worth_keeping(_usable(surface, number, spec, heading, bodies)):
-            found.append(_region(surface, number, effector, spec.name, heading, polygon))
+        R_WC = contact_rotation(spec.name, normal, float(np.mean(heading)))
+        if holds is not None and not holds(float(packed.friction[number]), R_WC):
+            continue
+        footprint = turned_footprint(patch, *_turns(spec.name, normal, heading, R_WC), MARGIN, MARGIN)
+        space = free_space(packed, number, R_WC, footprint, anywhere)
+        found += [_region(packed, number, effector, heading, R_WC, piece) for piece in convex_pieces(space)]
     return found
 
 
-def disc_region(surface: Surface, number: int, effector: int, radius: float) -> FootholdRegion | None:
-    """The region for any heading whatever of a patch that holds a disc of this radius [m]: for bounds, not for plans.
+def disc_region(packed: PackedTerrain, number: int, effector: int, radius: float) -> FootholdRegion | None:
+    """The region for any heading whatever of a patch that holds a disc of this radius: for bounds, not for plans.
+
+    On a piece of a floor the disc may reach beyond the piece.
 
     Args:
-        surface: the surface.
-        number: its index in the terrain.
+        packed: has the surface.
+        number: of the surface.
         effector: index into `EFFECTORS`.
         radius: of the disc [m].
     """
-    X, origin = _axes(surface)
-    polygon = _inset(_flat(surface.vertices, X, origin), lambda normal: radius)
-    if len(polygon) < 3:
+    R_WC = contact_rotation(EFFECTORS[effector], packed.normal[number], 0.0)
+    outline = shapely.Polygon(packed.vertices[number, : packed.count[number]] @ R_WC[:, :2])
+    inside = outline.buffer(JOINT if packed.floor[number] >= 0 else -radius, join_style="mitre")
+    if inside.is_empty:
         return None
-    return _region(surface, number, effector, EFFECTORS[effector], (0.0, 0.0), polygon)
+    corners = shapely.get_coordinates(shapely.orient_polygons(inside))[:-1]
+    return _region(packed, number, effector, (0.0, 0.0), R_WC, corners)
 
 
-def support(half: tuple[float, float], low: float, high: float, direction: float) -> float:
-    """Greatest reach [m] of a rectangle's points along a direction [rad], over its turns between low and high [rad].
-
-    At turn t it is hx |cos(t - d)| + hy |sin(t - d)|, greatest where the diagonal points along d.
+def convex_pieces(space: FreeSpace) -> list[np.ndarray]:
+    """(K, 2) the largest convex parts of a free space, which may overlap; what they leave out is small.
 
     Args:
-        half: half length and half width of the rectangle [m].
-        low: least turn [rad].
-        high: greatest turn [rad].
-        direction: angle in the plane of the rectangle [rad].
+        space: one outline, less convex polygons.
     """
-    turns = np.array([low, high]) - direction
-    reach = half[0] * np.abs(np.cos(turns)) + half[1] * np.abs(np.sin(turns))
-    diagonal = np.arctan2(half[1], half[0])
-    for angle in (diagonal, -diagonal):
-        if np.floor((turns[1] - angle) / np.pi) > np.floor((turns[0] - angle) / np.pi):
-            return float(np.hypot(*half))
-    return float(reach.max())
+    pieces = [space.outline] if len(space.outline) else []
+    for first, end in itertools.pairwise(space.start):
+        parts = [part for piece in pieces for part in _beside(piece, space.corner[first:end])]
+        pieces = _worth_keeping(parts, MOST_CUT, 0.0) if len(parts) > len(pieces) else parts
+    return _worth_keeping(pieces, MAX_PIECES, WORTH)
 
 
-# ---- one surface, in its own plane
+def _beside(piece: np.ndarray, polygon: np.ndarray) -> list[np.ndarray]:
+    """The parts of a convex piece beyond each edge of a convex polygon; the piece where they are apart."""
+    own, first = edge_normals(piece)
+    if ((polygon @ own.T).min(axis=0) >= (piece[first] * own).sum(axis=1)).any():
+        return [piece]  # the polygon is beyond one of its edges
+    normals, start = edge_normals(polygon)
+    parts = []
+    for normal, corner in zip(normals, polygon[start], strict=True):
+        height = (corner - piece) @ normal
+        if height.max() <= 0.0:
+            return [piece]  # all of it is beyond this edge
+        if height.min() < 0.0:
+            parts.append(clip(piece, height))
+    return [part for part in parts if area(part) > LEAST_AREA]
 
 
-def _usable(
-    surface: Surface, number: int, spec: EffectorSpec, heading: tuple[float, float], bodies: list[np.ndarray]
-) -> list[np.ndarray]:
-    """Convex polygons (K, 2) of contact points in the surface's plane, which may overlap."""
-    X, origin = _axes(surface)
-    low, high = _turns(surface, spec.name, heading, X)
-    inside = _inset(
-        _flat(surface.vertices, X, origin), lambda n: support(spec.half_extent, low, high, np.arctan2(n[1], n[0]))
-    )
-    if len(inside) < 3:
-        return []
-    clearance = FOOT_CLEARANCE if spec.name.endswith("_foot") else PALM_CLEARANCE
-    front, back, side = spec.overhang
-    half = (spec.half_extent[0] + max(front, back), spec.half_extent[1] + side)
-    centre = surface.centroid
-    reach = np.linalg.norm(surface.vertices - centre, axis=1).max() + np.hypot(*half) + clearance
-    pieces = [inside]
-    for k, body in enumerate(bodies):
-        if k == number or (body.min(axis=0) > centre + reach).any() or (body.max(axis=0) < centre - reach).any():
-            continue
-        shadow = _shadow(body, surface.normal, X, origin, clearance)
-        if shadow is None:
-            continue
-        pieces = [part for piece in pieces for part in _cut(piece, shadow, half, low, high)]
-    return pieces
-
-
-def _worth_keeping(pieces: list[np.ndarray]) -> list[np.ndarray]:
-    """The largest piece and those that add enough to it; pieces may overlap."""
+def _worth_keeping(pieces: list[np.ndarray], most: int, worth: float) -> list[np.ndarray]:
+    """The largest piece and those that add enough to it, a share of what is kept already; pieces may overlap."""
     kept: list[np.ndarray] = []
     covered = shapely.Polygon()
     for piece in sorted(pieces, key=area, reverse=True):
+        if len(kept) == most:
+            break
         outline = shapely.Polygon(piece)
-        if not kept or (len(kept) < MAX_PIECES and outline.difference(covered).area > WORTH * covered.area):
+        if not kept or outline.difference(covered).area > max(worth * covered.area, LEAST_AREA):
             kept.append(piece)
             covered = covered.union(outline)
     return kept
 
 
-def _bodies(terrain: Terrain) -> list[np.ndarray]:
-    """Every polygon that may stand above a patch: surfaces first, then the triangles of obstacles."""
-    return [s.vertices for s in terrain.surfaces] + list(terrain.triangles)
-
-
-def _turns(surface: Surface, effector: str, heading: tuple[float, float], X: np.ndarray) -> tuple[float, float]:
-    """Angles of the contact frame's x axis in the surface's plane, from the least heading to the greatest."""
-    angles = []
-    for yaw in heading:
-        x = contact_rotation(effector, surface.normal, yaw)[:, 0] @ X
-        angles.append(np.arctan2(x[1], x[0]))
-    turn = (angles[1] - angles[0] + np.pi) % (2 * np.pi) - np.pi
-    return min(angles[0], angles[0] + turn), max(angles[0], angles[0] + turn)
-
-
-def _axes(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """(3, 2) in-plane axes of a surface, right-handed with its normal, and its origin (3,)."""
-    edge = surface.vertices[1] - surface.vertices[0]
-    x = edge - (edge @ surface.normal) * surface.normal
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(surface.normal, x)], axis=1), surface.vertices[0]
-
-
-def _flat(points: np.ndarray, X: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    return (points - origin) @ X
-
-
-def _inset(polygon: np.ndarray, reach: Callable[[np.ndarray], float]) -> np.ndarray:
-    """The polygon (K, 2) with every edge moved inwards by reach(outward normal) and the margin [m]."""
-    result = polygon
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        along = b - a
-        if np.linalg.norm(along) < 1e-9:
-            continue
-        normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
-        result = clip(result, result @ normal - (normal @ a - reach(normal) - MARGIN))
-    return result
-
-
-def _shadow(
-    body: np.ndarray, normal: np.ndarray, X: np.ndarray, origin: np.ndarray, clearance: float
-) -> np.ndarray | None:
-    """(K, 2) outline of the part of a polygon (V, 3) within the clearance above a plane; None where there is none."""
-    for level, sign in ((COVER_GAP, -1.0), (clearance, 1.0)):
-        height = sign * ((body - origin) @ normal)
-        if height.min() >= sign * level:  # what only touches the level is no part of it
-            return None
-        body = clip(body, height, sign * level)
-    return (body - origin) @ X
-
-
-def _cut(piece: np.ndarray, shadow: np.ndarray, half: tuple[float, float], low: float, high: float) -> list[np.ndarray]:
-    """The piece where the patch, its overhang included, does not meet the shadow: at most one part per edge direction."""
-    directions = _normals(shadow)
-    parts = []
-    for normal in directions:
-        reach = support(half, low, high, np.arctan2(normal[1], normal[0]))
-        # On the far side of this edge: normal @ p >= greatest of the shadow + reach
-        part = clip(piece, piece @ -normal + (np.max(shadow @ normal) + reach + MARGIN))
-        if len(part) == len(piece) and np.allclose(part, piece):
-            return [piece]  # separated as a whole
-        if len(part) >= 3 and area(part) > LEAST_AREA:
-            parts.append(part)
-    return sorted(parts, key=area, reverse=True)[:MAX_PIECES]
-
-
-def _normals(shadow: np.ndarray) -> np.ndarray:
-    """(K, 2) outward unit normals of the outline's edges; both sides and both ends of one that is a line."""
-    normals, _ = edge_normals(shadow)
-    if not len(normals):
-        return np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
-    x = np.array([[-normals[0, 1], normals[0, 0]]])
-    # The direction of the first edge too: a thin shadow has no edge normals along itself.
-    return np.concatenate([normals, -normals, x, -x])
+def _turns(effector: str, normal: np.ndarray, heading: tuple[float, float], R_WC: np.ndarray) -> tuple[float, float]:
+    """Turns about the normal from a contact frame to those at the least and at the greatest heading [rad]."""
+    ends = [R_WC[:, :2].T @ contact_rotation(effector, normal, yaw)[:, 0] for yaw in heading]
+    turns = [float(np.arctan2(x[1], x[0])) for x in ends]
+    return min(turns), max(turns)
 
 
 def _region(
-    surface: Surface, number: int, effector: int, name: str, heading: tuple[float, float], polygon: np.ndarray
+    packed: PackedTerrain,
+    number: int,
+    effector: int,
+    heading: tuple[float, float],
+    R_WC: np.ndarray,
+    polygon: np.ndarray,
 ) -> FootholdRegion:
-    X, origin = _axes(surface)
-    vertices = origin + polygon @ X.T
+    """The region of contact points (K, 2), coordinates x and y of the contact frame at the origin of W."""
+    normal, offset = packed.normal[number], float(packed.offset[number])
+    vertices = polygon @ R_WC[:, :2].T + offset * normal
     outward, start = edge_normals(polygon)
-    A = outward @ X.T
+    A = outward @ R_WC[:, :2].T
     b = (A * vertices[start]).sum(axis=1)
-    R_WC = contact_rotation(name, surface.normal, float(np.mean(heading)))
     return FootholdRegion(
-        effector,
-        number,
-        heading,
-        vertices,
-        A,
-        b,
-        surface.normal,
-        float(surface.normal @ origin),
-        surface.friction,
-        R_WC,
+        effector, number, heading, vertices, A, b, normal, offset, float(packed.friction[number]), R_WC
     )

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from scenes.footholds.convex_parts import NOTHING, area, copy_corners
-from scenes.footholds.fit_region import below
+from scenes.footholds.convex_parts import NOTHING, area, below, copy_corners
 from scenes.footholds.foothold_table import TURN, FootholdTable
 from scenes.footholds.projection import contact_axes
 
@@ -88,25 +87,47 @@ def nearest_on_surface(
                     u = R[0, 0] * p[0] + R[1, 0] * p[1] + R[2, 0] * p[2]
                     v = R[0, 1] * p[0] + R[1, 1] * p[1] + R[2, 1] * p[2]
                     known = True
-                for part in range(table.part_start[number], table.part_start[number + 1]):
-                    corner = table.corner[table.corner_start[part] : table.corner_start[part + 1]]
-                    a, b, away = _nearest_in(corner, u, v)
-                    if away > best or (away == best and best_room >= 0.0):
-                        continue
-                    keeps = _keeps(limits, R, d, a, b)
-                    a, b, room = _moved_in(corner, a, b, margin)
-                    if not keeps or not _keeps(limits, R, d, a, b):
-                        m = _limited(corner, limits, R, d, work[0], work[1])
-                        if m < 3 or area(work[0], m) < NOTHING:
-                            continue
-                        a, b, away = _nearest_in(work[0, :m], u, v)
-                        if away > best or (away == best and best_room >= 0.0):
-                            continue
-                        a, b, room = _moved_in(work[0, :m], a, b, margin)
-                    best, best_room = away, room
-                    for w in range(3):
-                        q[w] = R[w, 0] * a + R[w, 1] * b + R[w, 2] * d
+                best, best_room = _nearest_in_region(
+                    table, number, R, d, u, v, margin, limits, best, best_room, work, q
+                )
     return -1, best, best_room
+
+
+@njit(cache=True)
+def _nearest_in_region(
+    table: FootholdTable,
+    number: int,
+    R: np.ndarray,
+    d: float,
+    u: float,
+    v: float,
+    margin: float,
+    limits: np.ndarray,
+    best: float,
+    best_room: float,
+    work: np.ndarray,
+    q: np.ndarray,
+) -> tuple[float, float]:
+    """Distance and room of the nearest contact point so far and in one region more; `q` gets it where it is in the region."""
+    for part in range(table.part_start[number], table.part_start[number + 1]):
+        corner = table.corner[table.corner_start[part] : table.corner_start[part + 1]]
+        a, b, away = _nearest_in(corner, u, v)
+        if away > best or (away == best and best_room >= 0.0):
+            continue
+        keeps = _keeps(limits, R, d, a, b)
+        a, b, room = _moved_in(corner, a, b, margin)
+        if not keeps or not _keeps(limits, R, d, a, b):
+            m = _limited(corner, limits, R, d, work[0], work[1])
+            if m < 3 or area(work[0], m) < NOTHING:
+                continue
+            a, b, away = _nearest_in(work[0, :m], u, v)
+            if away > best or (away == best and best_room >= 0.0):
+                continue
+            a, b, room = _moved_in(work[0, :m], a, b, margin)
+        best, best_room = away, room
+        for w in range(3):
+            q[w] = R[w, 0] * a + R[w, 1] * b + R[w, 2] * d
+    return best, best_room
 
 
 @njit(cache=True)

@@ -20,10 +20,11 @@ from scenes.contact import MOST_CORNERS, Contact, patch_corners
 from scenes.effector import EFFECTORS
 from scenes.footholds.leaning_plane import leaning_plane
 from scenes.footholds.projection import (
-    COVER_GAP,
     PatchShape,
     Placements,
     contact_axes,
+    has_room,
+    near_patches,
     no_placements,
     patch_shape,
 )
@@ -39,8 +40,7 @@ from scenes.footholds.support_polygon import (
 )
 from scenes.robots.robot import EffectorSpec
 from scenes.terrain.floors import FLUSH, LEVEL
-from scenes.terrain.packed_terrain import PackedTerrain, near, polygon_meets_box
-from scenes.terrain.solids import in_solid
+from scenes.terrain.packed_terrain import PackedTerrain, height_at, near
 
 INNER_RADIUS = 0.01  # [m] of the least support
 LEAST_AREA = 2e-4  # [m^2] of the least support
@@ -145,27 +145,6 @@ def support_under(
 
 
 @njit(cache=True)
-def _is_free(
-    packed: PackedTerrain, p: np.ndarray, R: np.ndarray, patch: PatchShape, around: np.ndarray, work: np.ndarray
-) -> bool:
-    """Whether nothing rises into an end effector at pose (p, R), and it is in no solid."""
-    hx, hy, clearance = patch.half_length, patch.half_width, patch.clearance
-    low = np.array([-hx - patch.back, -hy - patch.side, COVER_GAP])
-    high = np.array([hx + patch.front, hy + patch.side, clearance])
-    reach = np.sqrt((hx + max(patch.front, patch.back)) ** 2 + (hy + patch.side) ** 2 + clearance * clearance)
-    for q in range(around.shape[0]):
-        k = around[q]
-        apart = False
-        for a in range(3):
-            if packed.low[k, a] > p[a] + reach or packed.high[k, a] < p[a] - reach:
-                apart = True
-        if not apart and polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
-            return False
-    height = 0.5 * (COVER_GAP + clearance)
-    return not in_solid(packed, p[0] + height * R[0, 2], p[1] + height * R[1, 2], p[2] + height * R[2, 2])
-
-
-@njit(cache=True)
 def _rest_at(
     packed: PackedTerrain,
     effector: int,
@@ -202,7 +181,7 @@ def _rest_at(
             continue
         if y < packed.low[k, 1] - reach or y > packed.high[k, 1] + reach:
             continue
-        z = (packed.offset[k] - n[0] * x - n[1] * y) / n[2]
+        z = height_at(packed, k, x, y)
         if z > z_range[1] or z < z_range[0]:
             continue
         if best >= 0 and abs(z - best_z) < EXACT and np.abs(n - packed.normal[best]).max() < EXACT:
@@ -212,7 +191,7 @@ def _rest_at(
         count, area, friction = support_under(
             packed, effector, point, axes, patch.half_length, patch.half_width, around, found, False
         )
-        if count == 0 or area <= best_area or not _is_free(packed, point, axes, patch, around, work):
+        if count == 0 or area <= best_area or not has_room(packed, k, point, axes, patch, around, work):
             continue
         best, best_count, best_area, best_friction, best_z = k, count, area, friction, z
         p[:], R[:], corners[:] = point, axes, found
@@ -226,7 +205,7 @@ def _rest_at(
     count, area, friction = support_under(
         packed, effector, point, axes, patch.half_length, patch.half_width, around, found, True
     )
-    if count == 0 or not _is_free(packed, point, axes, patch, around, work):
+    if count == 0 or not has_room(packed, -1, point, axes, patch, around, work):
         return -1, 0, 0.0, 0.0
     p[:], R[:], corners[:] = point, axes, found
     return touched, count, area, friction
@@ -260,14 +239,12 @@ def rest_feet(
         supports: n supports; written there.
     """
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    longer = patch.half_length + max(patch.front, patch.back)
-    margin = np.sqrt(longer**2 + (patch.half_width + patch.side) ** 2) + patch.clearance + wiggle
     place, p, R, corners = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros((MOST_CORNERS, 2))
     for m in range(xy_yaw.shape[0]):
         if not wanted[m]:
             continue
         x, y = xy_yaw[m, 0], xy_yaw[m, 1]
-        around = near(packed, x - margin, y - margin, x + margin, y + margin)
+        around = near_patches(packed, xy_yaw[m : m + 1], patch, wiggle)
         place[:] = xy_yaw[m]
         area = 0.0
         for _ in range(1 + WIGGLES):

@@ -18,7 +18,7 @@ from scenes.effector import EFFECTORS, is_foot
 from scenes.footholds.floor_patch import lies_on_floor
 from scenes.robots.robot import EffectorSpec
 from scenes.terrain.floors import JOINT
-from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells, near, polygon_meets_box
+from scenes.terrain.packed_terrain import PackedTerrain, height_at, near, over_polygon, polygon_meets_box
 from scenes.terrain.solids import in_solid
 
 COVER_GAP = 0.003  # [m] what rises less than this above a patch does not cover it
@@ -121,7 +121,6 @@ def patch_fits(
         work: (2, K + 8, 3) scratch for polygons of K vertices.
     """
     hx, hy = patch.half_length, patch.half_width
-    front, back, side, clearance = patch.front, patch.back, patch.side, patch.clearance
     inside = True
     for a in range(4):
         sx = hx if (a == 0 or a == 3) else -hx
@@ -129,18 +128,40 @@ def patch_fits(
         qx = p[0] + sx * R[0, 0] + sy * R[0, 1]
         qy = p[1] + sx * R[1, 0] + sy * R[1, 1]
         qz = p[2] + sx * R[2, 0] + sy * R[2, 1]
-        for k in range(packed.count[surface]):
-            e = packed.edge_normal[surface, k]
-            if e[0] * qx + e[1] * qy + e[2] * qz > packed.edge_offset[surface, k] - PATCH_MARGIN:
-                inside = False
+        inside = inside and over_polygon(packed, surface, qx, qy, qz, -PATCH_MARGIN)
     if not inside and not (
         packed.floor[surface] >= 0
         and lies_on_floor(packed, surface, p, R, hx + PATCH_MARGIN, hy + PATCH_MARGIN, around)
     ):
         return False
-    low = np.array([-hx - back, -hy - side, COVER_GAP])
-    high = np.array([hx + front, hy + side, clearance])
-    reach = np.sqrt((hx + max(front, back)) ** 2 + (hy + side) ** 2 + clearance * clearance)
+    return has_room(packed, surface, p, R, patch, around, work)
+
+
+@njit(cache=True)
+def has_room(
+    packed: PackedTerrain,
+    surface: int,
+    p: np.ndarray,
+    R: np.ndarray,
+    patch: PatchShape,
+    around: np.ndarray,
+    work: np.ndarray,
+) -> bool:
+    """Whether nothing rises into an end effector at pose (p, R), and it is in no solid.
+
+    Args:
+        packed: the terrain.
+        surface: a polygon that lies in the patch's plane and is not looked at, -1 for none.
+        p: (3,) contact point in W [m].
+        R: (3, 3) contact frame in W.
+        patch: the room that it takes.
+        around: (m,) polygons that may be in the way.
+        work: (2, K + 8, 3) scratch for polygons of K vertices.
+    """
+    hx, hy, clearance = patch.half_length, patch.half_width, patch.clearance
+    low = np.array([-hx - patch.back, -hy - patch.side, COVER_GAP])
+    high = np.array([hx + patch.front, hy + patch.side, clearance])
+    reach = np.sqrt((hx + max(patch.front, patch.back)) ** 2 + (hy + patch.side) ** 2 + clearance * clearance)
     for q in range(around.shape[0]):
         k = around[q]
         if k == surface:
@@ -151,13 +172,29 @@ def patch_fits(
                 apart = True
         if not apart and polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
             return False
-    return not _inside_a_solid(packed, p, R, 0.5 * (COVER_GAP + clearance))
+    height = 0.5 * (COVER_GAP + clearance)  # where no face is near, all of the patch is inside a solid or none of it
+    return not in_solid(packed, p[0] + height * R[0, 2], p[1] + height * R[1, 2], p[2] + height * R[2, 2])
 
 
 @njit(cache=True)
-def _inside_a_solid(packed: PackedTerrain, p: np.ndarray, R: np.ndarray, height: float) -> bool:
-    """Whether the point at a height over a contact is inside a solid; where no face is near, so is the whole patch."""
-    return in_solid(packed, p[0] + height * R[0, 2], p[1] + height * R[1, 2], p[2] + height * R[2, 2])
+def near_patches(packed: PackedTerrain, xy_yaw: np.ndarray, patch: PatchShape, beyond: float) -> np.ndarray:
+    """(m,) polygons that may be under or in the way of a foot at one of n places, ascending.
+
+    Args:
+        packed: the terrain.
+        xy_yaw: (n, 3) place [m] and heading [rad] in W.
+        patch: the room that the foot takes.
+        beyond: how far it may be moved from there [m].
+    """
+    longer = patch.half_length + max(patch.front, patch.back)
+    margin = np.sqrt(longer**2 + (patch.half_width + patch.side) ** 2) + patch.clearance + beyond
+    return near(
+        packed,
+        xy_yaw[:, 0].min() - margin,
+        xy_yaw[:, 1].min() - margin,
+        xy_yaw[:, 0].max() + margin,
+        xy_yaw[:, 1].max() + margin,
+    )
 
 
 @njit(cache=True)
@@ -200,16 +237,10 @@ def project_foot(
             continue
         if y < packed.low[k, 1] - slack or y > packed.high[k, 1] + slack:
             continue
-        z = (packed.offset[k] - packed.normal[k, 0] * x - packed.normal[k, 1] * y) / packed.normal[k, 2]
+        z = height_at(packed, k, x, y)
         if z > z_high or z < z_low or z <= best_z:
             continue
-        inside = True
-        for e in range(packed.count[k]):
-            n = packed.edge_normal[k, e]
-            if n[0] * x + n[1] * y + n[2] * z > packed.edge_offset[k, e] + slack:
-                inside = False
-                break
-        if inside:
+        if over_polygon(packed, k, x, y, z, slack):
             contact_axes(packed.normal[k], yaw, False, R)
             p[0], p[1], p[2] = x, y, z
             if patch_fits(packed, k, p, R, patch, around, work):
@@ -241,15 +272,7 @@ def project_feet(
         placed: n contacts, filled here.
     """
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    longer = patch.half_length + max(patch.front, patch.back)
-    margin = np.sqrt(longer**2 + (patch.half_width + patch.side) ** 2) + FOOT_CLEARANCE
-    around = near(
-        packed,
-        xy_yaw[:, 0].min() - margin,
-        xy_yaw[:, 1].min() - margin,
-        xy_yaw[:, 0].max() + margin,
-        xy_yaw[:, 1].max() + margin,
-    )
+    around = near_patches(packed, xy_yaw, patch, 0.0)
     for m in range(xy_yaw.shape[0]):
         placed.surface[m] = project_foot(
             packed, effector, xy_yaw[m], z_range, patch, around, placed.p[m], placed.R[m], work
@@ -299,14 +322,8 @@ def project_palms(
             t = (packed.offset[k] - n[0] * origin[0] - n[1] * origin[1] - n[2] * origin[2]) / along
             if t <= 0 or t >= nearest + (1e-6 if k < packed.num_surfaces else -1e-6):
                 continue
-            hit = True
-            for e in range(packed.count[k]):
-                w = packed.edge_normal[k, e]
-                d = w[0] * (origin[0] + t * rays[m, 0]) + w[1] * (origin[1] + t * rays[m, 1])
-                if d + w[2] * (origin[2] + t * rays[m, 2]) > packed.edge_offset[k, e]:
-                    hit = False
-                    break
-            if hit:
+            x, y, z = origin[0] + t * rays[m, 0], origin[1] + t * rays[m, 1], origin[2] + t * rays[m, 2]
+            if over_polygon(packed, k, x, y, z, 0.0):
                 if k >= packed.num_surfaces and surface[m] >= 0 and t > nearest - 1e-4:
                     continue  # the mesh face that this surface lies on
                 nearest = t
@@ -320,87 +337,6 @@ def project_palms(
         contact_axes(packed.normal[k], heading, True, R[m])
         if not patch_fits(packed, k, p[m], R[m], patch, around, work):
             surface[m] = -1
-
-
-@njit(cache=True)
-def box_is_free(packed: PackedTerrain, p: np.ndarray, yaw: float, centre: np.ndarray, size: np.ndarray) -> bool:
-    """Whether an upright box (`centre`, `size` in the frame at p with this yaw) touches no polygon and is in no solid.
-
-    Args:
-        packed: the terrain.
-        p: (3,) origin of the box's frame in W [m].
-        yaw: of that frame [rad].
-        centre: (3,) of the box in that frame [m].
-        size: (3,) full edges of the box [m].
-    """
-    c, s = np.cos(yaw), np.sin(yaw)
-    low, high = centre - 0.5 * size, centre + 0.5 * size
-    reach = np.sqrt(max(low[0] ** 2, high[0] ** 2) + max(low[1] ** 2, high[1] ** 2))
-    rows, j0, j1 = cells_under(packed, p[0] - reach, p[1] - reach, p[0] + reach, p[1] + reach)
-    for i in rows:
-        for k in in_cells(packed, i, j0, j1):
-            if packed.low[k, 2] > p[2] + high[2] or packed.high[k, 2] < p[2] + low[2]:
-                continue
-            if packed.low[k, 0] > p[0] + reach or packed.high[k, 0] < p[0] - reach:
-                continue
-            if packed.low[k, 1] > p[1] + reach or packed.high[k, 1] < p[1] - reach:
-                continue
-            work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-            R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            if polygon_meets_box(packed.vertices[k], packed.count[k], R, p, low, high, work):
-                return False
-    x, y = p[0] + c * centre[0] - s * centre[1], p[1] + s * centre[0] + c * centre[1]
-    return not in_solid(packed, x, y, p[2] + centre[2])
-
-
-@njit(cache=True)
-def boxes_are_free(
-    packed: PackedTerrain, p: np.ndarray, yaw: np.ndarray, centre: np.ndarray, size: np.ndarray, wanted: np.ndarray
-) -> np.ndarray:
-    """(n,) `wanted`, less where the box at p (n, 3) and yaw (n,) touches a polygon.
-
-    Args:
-        packed: the terrain.
-        p: (n, 3) origins of the box's frames in W [m].
-        yaw: (n,) of those frames [rad].
-        centre: (3,) of the box in its frame [m].
-        size: (3,) full edges of the box [m].
-        wanted: (n,) bool, which are looked at.
-    """
-    free = wanted.copy()
-    for k in range(p.shape[0]):
-        if free[k]:
-            free[k] = box_is_free(packed, p[k], yaw[k], centre, size)
-    return free
-
-
-@njit(cache=True)
-def nothing_near(packed: PackedTerrain, x: float, y: float, reach: float, z_low: float, z_high: float) -> bool:
-    """Whether no polygon's bounds meet the square of half width `reach` about (x, y) between z_low and z_high.
-
-    Nor is it in a solid whose faces are all further away.
-
-    Args:
-        packed: the terrain.
-        x: of the square's centre in W [m].
-        y: of the square's centre in W [m].
-        reach: half width of the square [m].
-        z_low: lowest height in W [m].
-        z_high: greatest height in W [m].
-    """
-    rows, j0, j1 = cells_under(packed, x - reach, y - reach, x + reach, y + reach)
-    for i in rows:
-        for k in in_cells(packed, i, j0, j1):
-            if (
-                packed.low[k, 2] <= z_high
-                and packed.high[k, 2] >= z_low
-                and packed.low[k, 0] <= x + reach
-                and packed.high[k, 0] >= x - reach
-                and packed.low[k, 1] <= y + reach
-                and packed.high[k, 1] >= y - reach
-            ):
-                return False
-    return not in_solid(packed, x, y, 0.5 * (z_low + z_high))
 
 
 def set_down(

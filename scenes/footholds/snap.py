@@ -21,14 +21,17 @@ from scenes.footholds.projection import (
     PatchShape,
     Placements,
     contact_axes,
+    near_patches,
     no_placements,
     patch_fits,
     project_feet,
     project_palms,
 )
-from scenes.terrain.packed_terrain import PackedTerrain, near
+from scenes.terrain.packed_terrain import PackedTerrain, height_at, near
 
 ALIKE = 1e-3  # [m] footholds whose cost differs by less are equal: the roomier one is taken
+FULL = -2  # in place of a surface: the table has no room for a region that is needed
+INNER = 3  # row of the half space that keeps a foot to its side
 
 
 class Snap(NamedTuple):
@@ -217,79 +220,105 @@ def _snap_feet(
     done: int,
 ) -> int:
     """Moves the candidates from number `done` on that have no foothold; how many are done when the table is full."""
-    work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    longer = patch.half_length + max(patch.front, patch.back)
-    margin = np.sqrt(longer**2 + (patch.half_width + patch.side) ** 2) + patch.clearance + snap.radius
-    around = near(
-        packed,
-        xy_yaw[:, 0].min() - margin,
-        xy_yaw[:, 1].min() - margin,
-        xy_yaw[:, 0].max() + margin,
-        xy_yaw[:, 1].max() + margin,
-    )
+    around = near_patches(packed, xy_yaw, patch, snap.radius)
+    bounds = _step_bounds(effector, z_range, stand, limits)
+    for m in range(done, xy_yaw.shape[0]):
+        if placed.surface[m] >= 0:
+            continue
+        surface, heading = _snap_foot(
+            packed, table, effector, xy_yaw[m], patch, snap, stand, limits, bounds, around, placed.p[m], placed.R[m]
+        )
+        if surface == FULL:
+            return m
+        if surface >= 0 and not _doubled(placed, m, surface, snap.apart, xy_yaw[:, 2], heading):
+            placed.surface[m] = surface
+            xy_yaw[m, 2] = heading
+    return xy_yaw.shape[0]
+
+
+@njit(cache=True)
+def _step_bounds(effector: int, z_range: tuple[float, float], stand: np.ndarray, limits: StepLimits) -> np.ndarray:
+    """(6, 4) half spaces of W that a step's contact point has to be in: rows (a, b) mean a @ q <= b [m].
+
+    Row `INNER` depends on the turn of the step, too: what the turned sole needs has to be taken from its bound.
+    """
     left = 1.0 if effector == 0 else -1.0
     c, s = np.cos(stand[2]), np.sin(stand[2])
-    p, R, q = np.empty(3), np.empty((3, 3)), np.empty(3)
     ahead, aside = c * stand[0] + s * stand[1], left * (c * stand[1] - s * stand[0])
-    bounds = np.array(
+    return np.array(
         [
             [c, s, 0.0, ahead + limits.x[1]],
             [-c, -s, 0.0, -ahead - limits.x[0]],
             [-left * s, left * c, 0.0, aside + limits.outer],
-            [left * s, -left * c, 0.0, -aside],  # less what the turned sole needs
+            [left * s, -left * c, 0.0, -aside],
             [0.0, 0.0, 1.0, z_range[1]],
             [0.0, 0.0, -1.0, -z_range[0]],
         ]
     )
+
+
+@njit(cache=True)
+def _snap_foot(
+    packed: PackedTerrain,
+    table: FootholdTable,
+    effector: int,
+    place: np.ndarray,
+    patch: PatchShape,
+    snap: Snap,
+    stand: np.ndarray,
+    limits: StepLimits,
+    step_bounds: np.ndarray,
+    around: np.ndarray,
+    p_WC: np.ndarray,
+    R_WC: np.ndarray,
+) -> tuple[int, float]:
+    """Surface and heading of the foothold nearest to a place (3,), -1 for none, `FULL` for a full table; its pose is written."""
+    x, y, yaw = place[0], place[1], place[2]
+    left = 1.0 if effector == 0 else -1.0
+    wanted = int(np.round((yaw - table.heading[0]) / TURN))
+    bounds = step_bounds.copy()
     corners = np.empty((2, most_corners(packed) + bounds.shape[0], 2))
-    for m in range(done, xy_yaw.shape[0]):
-        if placed.surface[m] >= 0:
+    work = np.empty((2, packed.vertices.shape[1] + 8, 3))
+    p, R, q = np.empty(3), np.empty((3, 3)), np.empty(3)
+    best, best_room, best_surface, best_yaw = snap.radius + snap.turn_cost * np.pi, 0.0, -1, 0.0
+    for i in range(around.shape[0]):
+        k = around[i]
+        if k >= packed.num_surfaces:
+            break  # ascending: triangles follow
+        if not packed.allowed[k, effector] or packed.normal[k, 2] < 1e-3:
             continue
-        x, y, yaw = xy_yaw[m, 0], xy_yaw[m, 1], xy_yaw[m, 2]
-        wanted = int(np.round((yaw - table.heading[0]) / TURN))
-        best, best_room, best_surface, best_yaw = snap.radius + snap.turn_cost * np.pi, 0.0, -1, 0.0
-        for i in range(around.shape[0]):
-            k = around[i]
-            if k >= packed.num_surfaces:
-                break  # ascending: triangles follow
-            if not packed.allowed[k, effector] or packed.normal[k, 2] < 1e-3:
+        if not _within(packed.low[k], packed.high[k], x, y, snap.radius):
+            continue
+        p[0], p[1], p[2] = x, y, height_at(packed, k, x, y)
+        plane = Plane(k, packed.normal[k], packed.offset[k], packed.low[k])
+        for t in range(2 * snap.turns + 1):  # 0, -1, 1, -2, 2, ...: the cheap ones first
+            turn = wanted + snap.stride * (t // 2 if t % 2 == 0 else -(t + 1) // 2)
+            heading = table.heading[0] + turn * TURN
+            turned = _wrapped(heading - stand[2]) * left
+            if turned < limits.yaw[0] - 1e-6 or turned > limits.yaw[1] + 1e-6:
                 continue
-            if not _within(packed.low[k], packed.high[k], x, y, snap.radius):
+            price = snap.turn_cost * abs(heading - yaw)
+            if price > best + ALIKE:
                 continue
-            p[0], p[1] = x, y
-            p[2] = (packed.offset[k] - packed.normal[k, 0] * x - packed.normal[k, 1] * y) / packed.normal[k, 2]
-            plane = Plane(k, packed.normal[k], packed.offset[k], packed.low[k])
-            for t in range(2 * snap.turns + 1):  # 0, -1, 1, -2, 2, ...: the cheap ones first
-                turn = wanted + snap.stride * (t // 2 if t % 2 == 0 else -(t + 1) // 2)
-                heading = table.heading[0] + turn * TURN
-                turned = _wrapped(heading - stand[2]) * left
-                if turned < limits.yaw[0] - 1e-6 or turned > limits.yaw[1] + 1e-6:
-                    continue
-                price = snap.turn_cost * abs(heading - yaw)
-                if price > best + ALIKE:
-                    continue
-                inner = limits.inner + patch.half_length * abs(np.sin(turned)) + patch.half_width * abs(np.cos(turned))
-                bounds[3, 3] = -aside - inner
-                least = best + ALIKE - price
-                while True:
-                    tile, away, room = nearest_on_surface(
-                        table, plane, turn % TURNS, False, snap.radius, snap.margin, p, least, bounds, corners, q
-                    )
-                    if tile < 0:
-                        break
-                    if region_of(packed, table, tile, k, turn % TURNS, patch, False) < 0:
-                        return m
-                cost = away + price
-                if room < 0.0 or cost > best + ALIKE or (cost > best - ALIKE and room <= best_room):
-                    continue
-                contact_axes(packed.normal[k], heading, False, R)
-                if patch_fits(packed, k, q, R, patch, around, work):
-                    best, best_room, best_surface, best_yaw = min(best, cost), room, k, heading
-                    placed.p[m], placed.R[m] = q, R
-        if best_surface >= 0 and not _doubled(placed, m, best_surface, snap.apart, xy_yaw[:, 2], best_yaw):
-            placed.surface[m] = best_surface
-            xy_yaw[m, 2] = best_yaw
-    return xy_yaw.shape[0]
+            inner = limits.inner + patch.half_length * abs(np.sin(turned)) + patch.half_width * abs(np.cos(turned))
+            bounds[INNER, 3] = step_bounds[INNER, 3] - inner
+            least = best + ALIKE - price
+            while True:
+                tile, away, room = nearest_on_surface(
+                    table, plane, turn % TURNS, False, snap.radius, snap.margin, p, least, bounds, corners, q
+                )
+                if tile < 0:
+                    break
+                if region_of(packed, table, tile, k, turn % TURNS, patch, False) < 0:
+                    return FULL, 0.0
+            cost = away + price
+            if room < 0.0 or cost > best + ALIKE or (cost > best - ALIKE and room <= best_room):
+                continue
+            contact_axes(packed.normal[k], heading, False, R)
+            if patch_fits(packed, k, q, R, patch, around, work):
+                best, best_room, best_surface, best_yaw = min(best, cost), room, k, heading
+                p_WC[:], R_WC[:] = q, R
+    return best_surface, best_yaw
 
 
 @njit(cache=True)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from scenes.contact import Contact
 from scenes.effector import EFFECTORS
 from scenes.footholds.floors import Floor, by_preference, choice_note, floors_around, has_head_room, no_floor_near
+from scenes.footholds.free_polygon import footholds_near
 from scenes.footholds.partial_support import rest_down, rests_whole
 from scenes.footholds.projection import FOOT_CLEARANCE, set_down
 from scenes.footholds.what_stands import patch_off_surface, what_stands
 from scenes.input_error import InputError
-from scenes.robots.robot import EffectorSpec, Robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -28,7 +29,8 @@ NUDGES = (
     -0.06,
     0.1,
     -0.1,
-)  # [m] tried forward and sideways where the exact place takes no sole
+)  # [m] tried forward and sideways for soles that rest on part of themselves
+NEAR = 0.14  # [m] a whole sole is set down no farther from its usual place: both nudges at their largest
 STANCE_OFF = 1e-3  # [m] how far a patch of a given stance may reach beyond its surface, as the verifier has it
 
 
@@ -91,19 +93,55 @@ def feet_down(
         full_soles: whether all of each sole has to rest on the ground; else that is tried first.
     """
 
-    def whole(spec: EffectorSpec, x: float, y: float) -> Contact | None:
-        return set_down(packed, spec.name, x, y, place[2], spec.half_extent, z_range, overhang=spec.overhang)
-
-    stance = _feet_at(robot, place, whole)
-    if stance is not None or full_soles:
-        return stance
-    return _feet_at(robot, place, lambda spec, x, y: rest_down(packed, spec, (x, y, place[2]), z_range))
+    stance = _whole_feet(packed, robot, place, z_range)
+    return stance if stance is not None or full_soles else _partial_feet(packed, robot, place, z_range)
 
 
-def _feet_at(
-    robot: Robot, place: tuple[float, float, float], put: Callable[[EffectorSpec, float, float], Contact | None]
+def _whole_feet(
+    packed: PackedTerrain, robot: Robot, place: tuple[float, float, float], z_range: tuple[float, float]
 ) -> Stance | None:
-    """The first feet around a place, of all nudges, that can be put down within a step's height of each other."""
+    """Feet at their usual places about a point where they fit there, else on the footholds nearest to these places."""
+    exact = [
+        set_down(packed, spec.name, x, y, place[2], spec.half_extent, z_range, overhang=spec.overhang)
+        for spec, (x, y) in zip(robot.effectors, _usual_places(robot, place), strict=False)
+    ]
+    if exact[0] is not None and exact[1] is not None and _one_step(robot, exact[0], exact[1]):
+        return Stance((exact[0], exact[1], None, None))
+    left, right = (_near_usual_place(packed, robot, k, place, z_range) for k in (0, 1))
+    pairs = [(a + b, one, other) for a, one in left for b, other in right if _one_step(robot, one, other)]
+    if not pairs:
+        return None
+    _, one, other = min(pairs, key=lambda pair: pair[0])
+    return Stance((one, other, None, None))
+
+
+def _usual_places(robot: Robot, place: tuple[float, float, float]) -> list[tuple[float, float]]:
+    """x, y of the left and of the right foot about a point [m]."""
+    x, y, yaw = place
+    half_width = 0.5 * robot.foot_separation[1]
+    return [(x - side * np.sin(yaw) * half_width, y + side * np.cos(yaw) * half_width) for side in (1.0, -1.0)]
+
+
+def _near_usual_place(
+    packed: PackedTerrain, robot: Robot, k: int, place: tuple[float, float, float], z_range: tuple[float, float]
+) -> list[tuple[float, Contact]]:
+    """Footholds of foot k about its usual place, on its own side, nearest first, and their distances [m]."""
+    x, y, yaw = place
+    side = 1.0 if k == 0 else -1.0
+    across = side * np.array([-np.sin(yaw), np.cos(yaw)])
+    own = np.array([[*-across, 0.0, -float(across @ (x, y)) - 0.5 * robot.foot_separation[0]]])
+    return footholds_near(packed, robot.effectors[k], (*_usual_places(robot, place)[k], yaw), z_range, NEAR, own)
+
+
+def _one_step(robot: Robot, one: Contact, other: Contact) -> bool:
+    """Whether two feet are within a step's height of each other."""
+    return abs(float(one.p_WC[2] - other.p_WC[2])) <= robot.max_step_height
+
+
+def _partial_feet(
+    packed: PackedTerrain, robot: Robot, place: tuple[float, float, float], z_range: tuple[float, float]
+) -> Stance | None:
+    """The first feet around a point, of all nudges, that rest on part of themselves within a step's height of each other."""
     x, y, yaw = place
     half_width = 0.5 * robot.foot_separation[1]
     c, s = np.cos(yaw), np.sin(yaw)
@@ -113,11 +151,11 @@ def _feet_at(
             for sideways in NUDGES:
                 across = side * max(half_width + side * sideways, 0.5 * robot.foot_separation[0])
                 px, py = x + c * forward - s * across, y + s * forward + c * across
-                foot = put(robot.effectors[k], px, py)
+                foot = rest_down(packed, robot.effectors[k], (px, py, yaw), z_range)
                 if foot is not None:
                     feet.append(foot)
                     break
-        if len(feet) == 2 and abs(feet[0].p_WC[2] - feet[1].p_WC[2]) <= robot.max_step_height:
+        if len(feet) == 2 and _one_step(robot, *feet):
             return Stance((feet[0], feet[1], None, None))
     return None
 
@@ -172,7 +210,11 @@ def start_floors(scene: Scene, packed: PackedTerrain, robot: Robot, full_soles: 
     half_width = 0.5 * robot.foot_separation[1]
     across = [0.0, half_width, -half_width]
     across += [side * half_width + shift for side in (1.0, -1.0) for shift in NUDGES[1:]]
-    points = ((x + c * f - s * a, y + s * f + c * a) for f in NUDGES for a in across)
+    points = [(x + c * f - s * a, y + s * f + c * a) for f in NUDGES for a in across]
+    # What lies between the nudges comes after the place itself and the feet's.
+    place, anywhere = (x, y, start.yaw), (-np.inf, np.inf)
+    near = [one for k in (0, 1) for one in _near_usual_place(packed, robot, k, place, anywhere)]
+    points[3:3] = [(float(c.p_WC[0]), float(c.p_WC[1])) for _, c in sorted(near, key=lambda one: one[0])]
     return floors_around(packed, robot, points, start.yaw, z, full_soles)
 
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from scenes.footholds.convex_parts import below, copy_corners
+from scenes.terrain.clipping import clip_between, seen_from
+
 EXACT = 1e-9  # [m] points nearer than this are one
 
 
@@ -25,28 +28,10 @@ def part_within(
         bound: (3,) half edges of the box [m].
         scratch: (2, K + 8, 3).
     """
+    seen_from(polygon, count, p, R, scratch[0])
     cur, m = 0, count
-    for k in range(m):
-        for a in range(3):
-            scratch[0, k, a] = (
-                R[0, a] * (polygon[k, 0] - p[0]) + R[1, a] * (polygon[k, 1] - p[1]) + R[2, a] * (polygon[k, 2] - p[2])
-            )
-    for side in range(6):
-        axis, sign = side // 2, 1.0 if side % 2 == 0 else -1.0
-        out = 0
-        for k in range(m):
-            j = k + 1 if k + 1 < m else 0
-            here, there = sign * scratch[cur, k, axis] - bound[axis], sign * scratch[cur, j, axis] - bound[axis]
-            if here <= 0.0:
-                scratch[1 - cur, out] = scratch[cur, k]
-                out += 1
-            if (here < 0.0 and there > 0.0) or (here > 0.0 and there < 0.0):
-                share = here / (here - there)
-                scratch[1 - cur, out] = scratch[cur, k] + share * (scratch[cur, j] - scratch[cur, k])
-                out += 1
-        m, cur = out, 1 - cur
-        if m == 0:
-            break
+    for axis in range(3):
+        cur, m = clip_between(scratch, cur, m, axis, -bound[axis], bound[axis])
     return m, cur
 
 
@@ -145,29 +130,17 @@ def holds_a_disc(polygon: np.ndarray, count: int, radius: float) -> bool:
         count: how many are real.
         radius: of the disc [m].
     """
-    room = np.empty((2, 2 * polygon.shape[0] + 2, 2))
-    for i in range(count):
-        room[0, i] = polygon[i]
-    cur, m = 0, count
+    room, spare = np.empty((2 * polygon.shape[0] + 2, 2)), np.empty((2 * polygon.shape[0] + 2, 2))
+    m = copy_corners(polygon, count, room)
     for e in range(count):
         tail, head = polygon[e], polygon[e + 1 if e + 1 < count else 0]
         ex, ey = head[0] - tail[0], head[1] - tail[1]
         length = np.sqrt(ex * ex + ey * ey)
         if length < EXACT:
             continue
-        out = 0
-        for k in range(m):
-            j = k + 1 if k + 1 < m else 0
-            here = (ex * (room[cur, k, 1] - tail[1]) - ey * (room[cur, k, 0] - tail[0])) / length - radius
-            there = (ex * (room[cur, j, 1] - tail[1]) - ey * (room[cur, j, 0] - tail[0])) / length - radius
-            if here >= 0.0:
-                room[1 - cur, out] = room[cur, k]
-                out += 1
-            if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
-                share = here / (here - there)
-                room[1 - cur, out] = room[cur, k] + share * (room[cur, j] - room[cur, k])
-                out += 1
-        m, cur = out, 1 - cur
+        nu, nv = ey / length, -ex / length
+        m = below(room, m, nu, nv, nu * tail[0] + nv * tail[1] - radius, spare)
+        room, spare = spare, room
         if m == 0:
             return False
     return True

@@ -9,7 +9,7 @@ import shapely
 
 from scenes.contact import Contact
 from scenes.footholds.projection import FOOT_CLEARANCE
-from scenes.terrain.packed_terrain import PackedTerrain
+from scenes.terrain.packed_terrain import PackedTerrain, height_at
 from scenes.terrain.solids import solid_at
 from scenes.terrain.terrain import Terrain
 
@@ -40,8 +40,7 @@ def _ground(packed: PackedTerrain, x: float, y: float, z: float) -> list[float]:
     for k in range(packed.num_surfaces):
         inside = (packed.low[k, :2] <= (x, y)).all() and (packed.high[k, :2] >= (x, y)).all()
         if inside and packed.allowed[k, :2].any() and packed.normal[k, 2] > 1e-3:
-            n = packed.normal[k]
-            heights.append(float((packed.offset[k] - n[0] * x - n[1] * y) / n[2]))
+            heights.append(float(height_at(packed, k, x, y)))
     return sorted(heights, key=lambda h: abs(h - z)) if np.isfinite(z) else sorted(heights)
 
 

@@ -85,24 +85,17 @@ def fit_rough_ground(bodies: Bodies, *, min_width: float, max_tilt: float) -> Ro
     length = float(
         np.median(np.linalg.norm(points[neighbour] - points[np.repeat(np.arange(len(points)), np.diff(start))], axis=1))
     )
-    facing = np.zeros_like(points)
-    for k in range(3):
-        for axis in range(3):
-            facing[:, axis] += np.bincount(corner[:, k], weights=doubled[rough, axis], minlength=len(points))
-    passes = int(np.clip(round((KERNEL / length) ** 2 / 0.57), 1, MAX_PASSES))
-    middle, normal, noise = _local_planes(points, facing, start, neighbour, passes)
-    tolerance = float(np.clip(DEVIATIONS * np.percentile(noise, QUIET), *TOLERANCE))
-    share = area[rough].sum() / len(points)  # [m^2] of a vertex
-    region, planes = _grow(
+    middle, normal, noise = _local_planes(
         points,
+        _facing(corner, doubled[rough], len(points)),
         start,
         neighbour,
-        np.argsort(noise, kind="stable"),
-        middle,
-        normal,
-        tolerance,
-        max(3, int(SMALL / share)),
+        passes=int(np.clip(round((KERNEL / length) ** 2 / 0.57), 1, MAX_PASSES)),
     )
+    tolerance = float(np.clip(DEVIATIONS * np.percentile(noise, QUIET), *TOLERANCE))
+    share = area[rough].sum() / len(points)  # [m^2] of a vertex
+    seeds, least = np.argsort(noise, kind="stable"), max(3, int(SMALL / share))
+    region, planes = _grow(points, start, neighbour, seeds, middle, normal, tolerance, least)
     if not len(planes):
         return None
     _take_outliers(points, start, neighbour, region, planes, 2 * tolerance)
@@ -116,15 +109,10 @@ def fit_rough_ground(bodies: Bodies, *, min_width: float, max_tilt: float) -> Ro
         origin, axes = planes[number, :3], plane_axes(planes[number, 3:])
         if axes[2, 2] < np.cos(max_tilt) - 1e-9:
             continue
-        for outline in outlines:
-            shape = _plain(outline, length)
-            if len(others) and not shape.is_empty:
-                shape = shape.difference(buried_part(shape, others, normals[~rough], origin, axes))
-            for part in shapely.get_parts(shape):
-                if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
-                    regions.append(Region(part, origin, axes))
-                    kept[number] = True
-        if kept[number]:
+        found = _wide_parts(outlines, length, others, normals[~rough], origin, axes, min_width)
+        regions += found
+        kept[number] = bool(found)
+        if found:
             plates += [_facets(outline, origin, axes) for outline in outlines]
     held = (region >= 0) & kept[region]
     off = np.zeros(len(points))
@@ -144,6 +132,46 @@ def fit_rough_ground(bodies: Bodies, *, min_width: float, max_tilt: float) -> Ro
         float(np.abs(off).max()),
         fitted,
     )
+
+
+def _facing(corner: np.ndarray, doubled: np.ndarray, count: int) -> np.ndarray:
+    """(V, 3) sum of the normals of the facets at each vertex, each as long as twice the facet's area [m^2]."""
+    facing = np.zeros((count, 3))
+    for k in range(3):
+        for axis in range(3):
+            facing[:, axis] += np.bincount(corner[:, k], weights=doubled[:, axis], minlength=count)
+    return facing
+
+
+def _wide_parts(
+    outlines: np.ndarray,
+    cell: float,
+    others: np.ndarray,
+    normals: np.ndarray,
+    origin: np.ndarray,
+    axes: np.ndarray,
+    min_width: float,
+) -> list[Region]:
+    """The parts of a fitted plane that are wide enough and under no other body.
+
+    Args:
+        outlines: polygons in the plane's axes, bounded by edges of cells [m].
+        cell: length of an edge [m].
+        others: (K, 3, 3) triangles of the other bodies [m].
+        normals: (K, 3) their normals.
+        origin: (3,) where the plane's axes start [m].
+        axes: (3, 3) rows: the two axes of the plane and its normal.
+        min_width: diameter of the disc that has to fit [m].
+    """
+    found = []
+    for outline in outlines:
+        shape = _plain(outline, cell)
+        if len(others) and not shape.is_empty:
+            shape = shape.difference(buried_part(shape, others, normals, origin, axes))
+        for part in shapely.get_parts(shape):
+            if isinstance(part, Polygon) and not part.buffer(-min_width / 2).is_empty:
+                found.append(Region(part, origin, axes))
+    return found
 
 
 def _rough_bodies(bodies: Bodies, normals: np.ndarray, area: np.ndarray, usable: np.ndarray) -> np.ndarray:
@@ -252,40 +280,11 @@ def _grow(
         count = 0
         for _ in range(ROUNDS):
             before = count
-            queue[0], count = seed, 1
-            seen[seed] = stamp
-            head = 0
-            total, square = np.zeros(3), np.zeros((3, 3))
-            while head < count:
-                v = queue[head]
-                head += 1
-                for i in range(3):
-                    for j in range(3):
-                        square[i, j] += (points[v, i] - points[seed, i]) * (points[v, j] - points[seed, j])
-                    total[i] += points[v, i] - points[seed, i]
-                for q in range(start[v], start[v + 1]):
-                    w = neighbour[q]
-                    if seen[w] == stamp or region[w] >= 0:
-                        continue
-                    off = 0.0
-                    for i in range(3):
-                        off += n[i] * (points[w, i] - c[i])
-                    if abs(off) <= tolerance:
-                        seen[w] = stamp
-                        queue[count] = w
-                        count += 1
+            count = _flood(points, start, neighbour, seed, c, n, tolerance, region, seen, stamp, queue)
             stamp += 1
             if count < 3 or count <= before:
                 break
-            mean = total / count
-            spread = square / count
-            for i in range(3):
-                for j in range(3):
-                    spread[i, j] -= mean[i] * mean[j]
-            axis = np.linalg.eigh(spread)[1][:, 0].copy()
-            if axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2] < 0:
-                axis = -axis
-            c, n = mean + points[seed], axis
+            _fit_plane(points, queue[:count], c, n)
         for q in range(min(count, 2 * least)):  # what is near a seed that failed fails too
             tried[queue[q]] = True
         if count < least:
@@ -296,6 +295,61 @@ def _grow(
             planes[found, i], planes[found, 3 + i] = c[i], n[i]
         found += 1
     return region, planes[:found].copy()
+
+
+@njit(cache=True)
+def _flood(
+    points: np.ndarray,
+    start: np.ndarray,
+    neighbour: np.ndarray,
+    seed: int,
+    c: np.ndarray,
+    n: np.ndarray,
+    tolerance: float,
+    region: np.ndarray,
+    seen: np.ndarray,
+    stamp: int,
+    queue: np.ndarray,
+) -> int:
+    """Writes into `queue` the vertices of no region that edges join to a seed within the tolerance of a plane; how many."""
+    queue[0], count, head = seed, 1, 0
+    seen[seed] = stamp
+    while head < count:
+        v = queue[head]
+        head += 1
+        for q in range(start[v], start[v + 1]):
+            w = neighbour[q]
+            if seen[w] == stamp or region[w] >= 0:
+                continue
+            off = 0.0
+            for i in range(3):
+                off += n[i] * (points[w, i] - c[i])
+            if abs(off) <= tolerance:
+                seen[w] = stamp
+                queue[count] = w
+                count += 1
+    return count
+
+
+@njit(cache=True)
+def _fit_plane(points: np.ndarray, vertices: np.ndarray, c: np.ndarray, n: np.ndarray) -> None:
+    """Moves a plane (point c, normal n) to the best one through some vertices, facing the same way."""
+    total, square = np.zeros(3), np.zeros((3, 3))
+    seed, count = vertices[0], vertices.shape[0]
+    for v in vertices:
+        for i in range(3):
+            for j in range(3):
+                square[i, j] += (points[v, i] - points[seed, i]) * (points[v, j] - points[seed, j])
+            total[i] += points[v, i] - points[seed, i]
+    mean = total / count
+    spread = square / count
+    for i in range(3):
+        for j in range(3):
+            spread[i, j] -= mean[i] * mean[j]
+    axis = np.linalg.eigh(spread)[1][:, 0]
+    sign = -1.0 if axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2] < 0 else 1.0
+    for i in range(3):
+        c[i], n[i] = mean[i] + points[seed, i], sign * axis[i]
 
 
 @njit(cache=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from scenes.effector import EFFECTORS
+from scenes.terrain.clipping import clip_between, seen_from
 from scenes.terrain.closed_bodies import solid_of_triangles
 from scenes.terrain.floors import floors_of
 from scenes.terrain.polygon import area_vectors
@@ -196,10 +197,8 @@ def _holds(packed: PackedTerrain, s: int, corners: np.ndarray) -> bool:
         x, y, z = corners[m]
         if abs(n[0] * x + n[1] * y + n[2] * z - packed.offset[s]) > COVERED:
             return False
-        for e in range(packed.count[s]):
-            w = packed.edge_normal[s, e]
-            if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[s, e] + COVERED:
-                return False
+        if not over_polygon(packed, s, x, y, z, COVERED):
+            return False
     return True
 
 
@@ -295,39 +294,43 @@ def polygon_meets_box(
         high: (3,) greatest corner of the box in B [m].
         work: (2, K + 6, 3) scratch.
     """
-    m = count
-    cur = 0
-    for k in range(m):
-        dx, dy, dz = vertices[k, 0] - p_WB[0], vertices[k, 1] - p_WB[1], vertices[k, 2] - p_WB[2]
-        for a in range(3):
-            work[0, k, a] = R_WB[0, a] * dx + R_WB[1, a] * dy + R_WB[2, a] * dz
-    for side in range(6):
-        axis = side // 2
-        sign = 1.0 if side % 2 == 0 else -1.0
-        bound = high[axis] if side % 2 == 0 else -low[axis]
-        all_in = True
-        for k in range(m):
-            if sign * work[cur, k, axis] > bound:
-                all_in = False
-                break
-        if all_in:
-            continue
-        out = 0
-        for k in range(m):
-            j = k + 1 if k + 1 < m else 0
-            a = sign * work[cur, k, axis] - bound
-            b = sign * work[cur, j, axis] - bound
-            if a <= 0:
-                for q in range(3):
-                    work[1 - cur, out, q] = work[cur, k, q]
-                out += 1
-            if (a < 0 and b > 0) or (a > 0 and b < 0):
-                t = a / (a - b)
-                for q in range(3):
-                    work[1 - cur, out, q] = work[cur, k, q] + t * (work[cur, j, q] - work[cur, k, q])
-                out += 1
-        m = out
-        cur = 1 - cur
+    seen_from(vertices, count, p_WB, R_WB, work[0])
+    cur, m = 0, count
+    for axis in range(3):
+        cur, m = clip_between(work, cur, m, axis, low[axis], high[axis])
         if m == 0:
             return False
     return True
+
+
+@njit(cache=True)
+def over_polygon(packed: PackedTerrain, k: int, x: float, y: float, z: float, margin: float) -> bool:
+    """Whether a point lies straight above or below a polygon, along its normal, or beside that by a margin at most.
+
+    Args:
+        packed: the terrain.
+        k: number of the polygon.
+        x: of the point in W [m].
+        y: of the point in W [m].
+        z: of the point in W [m].
+        margin: how far beyond an edge the point may be [m].
+    """
+    for e in range(packed.count[k]):
+        w = packed.edge_normal[k, e]
+        if w[0] * x + w[1] * y + w[2] * z > packed.edge_offset[k, e] + margin:
+            return False
+    return True
+
+
+@njit(cache=True)
+def height_at(packed: PackedTerrain, k: int, x: float, y: float) -> float:
+    """Height of a polygon's plane at a point of the plan view [m]; the plane must not be upright.
+
+    Args:
+        packed: the terrain.
+        k: number of the polygon.
+        x: of the point in W [m].
+        y: of the point in W [m].
+    """
+    n = packed.normal[k]
+    return (packed.offset[k] - n[0] * x - n[1] * y) / n[2]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
+from scenes.terrain.packed_terrain import PackedTerrain, cells_under, height_at, in_cells
 from scenes.terrain.terrain import Terrain
 
 HEIGHTS_APART = 0.05  # [m] less than any trunk is high
@@ -49,8 +49,7 @@ def winding(packed: PackedTerrain, x: float, y: float, z: float, obstacle: int) 
                 low, high = (a, b) if rising else (b, a)  # the same order for both faces: the same rounding
                 if x < low[0] + (y - low[1]) * (high[0] - low[0]) / (high[1] - low[1]):
                     around += 1 if rising else -1
-            n = packed.normal[k]
-            if around != 0 and n[2] != 0.0 and (packed.offset[k] - n[0] * x - n[1] * y) / n[2] > z:
+            if around != 0 and packed.normal[k, 2] != 0.0 and height_at(packed, k, x, y) > z:
                 total += around
     return total
 

@@ -92,6 +92,14 @@ class Terrain:
         parts = [o.triangles() for o in self.obstacles]
         return np.concatenate(parts) if parts else np.zeros((0, 3, 3))
 
+    def surfaces_for(self, *effectors: str) -> list[int]:
+        """Numbers of the surfaces that one of these end effectors may touch.
+
+        Args:
+            *effectors: their names.
+        """
+        return [k for k, surface in enumerate(self.surfaces) if any(surface.allows(e) for e in effectors)]
+
     @cached_property
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
         """((3,), (3,)) lowest and highest corner of everything in W [m]."""

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from scenes.effector import EFFECTORS, is_foot
+from scenes.effector import EFFECTORS, FEET, PALMS
 from scenes.terrain.polygon import area_vectors
 from scenes.terrain.surface import FOOT_MAX_TILT, PALM_TILT, Surface
 from scenes.terrain.terrain import Box, Terrain
 
 SAME_PLANE = 1e-4  # surfaces whose normals and offsets [m] round to the same multiple of this are counted in one plane
-FEET = tuple(e for e in EFFECTORS if is_foot(e))
-PALMS = tuple(e for e in EFFECTORS if not is_foot(e))
 
 
 @dataclass(frozen=True)

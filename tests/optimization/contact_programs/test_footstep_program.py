@@ -72,7 +72,7 @@ def cheapest_by_enumeration(q: ContactQuery, options: FootstepOptions) -> float:
     """The least cost over all assignments of surfaces, each assignment a small convex program of its own."""
     order = movers(options)
     regions = {
-        e: foothold_regions(q.terrain, q.robot, e, (0.0, 0.0), holds=partial(stands_alone, "inner")) for e in (0, 1)
+        e: foothold_regions(q.packed, q.robot, e, (0.0, 0.0), holds=partial(stands_alone, "inner")) for e in (0, 1)
     }
     best = np.inf
     for assignment in itertools.product(*(regions[m] for m in order)):
@@ -298,7 +298,7 @@ def test_the_lens_spans_the_transition_model() -> None:
 
 
 def test_regions_that_touch_a_disc_are_within_it() -> None:
-    regions = foothold_regions(STONES, ESCHER, 0, (0.0, 0.0))
+    regions = foothold_regions(pack_terrain(STONES), ESCHER, 0, (0.0, 0.0))
     at = np.array([0.0, 0.0, 0.0])
     nearest = {r.surface: min(np.hypot(*v[:2]) for v in r.vertices) for r in regions}
     far = nearest[3]

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenes.contact import contact_rotation
-from scenes.footholds.circle_cover import FreeSpace, cover_free_space, free_radius, polygon_distance
+from scenes.footholds.circle_cover import cover_free_space, free_radius, polygon_distance
 from scenes.footholds.contact_regions import ContactRegions, cover_terrain
+from scenes.footholds.free_space import FreeSpace
 from scenes.library.plates import level_plate, rectangle, tilted_plate
 from scenes.pose import rpy_rotation
 from scenes.robots.robot import EffectorSpec
@@ -235,10 +236,10 @@ def test_the_nearest_of_several_that_hold_a_contact_is_the_one_with_most_room() 
 def test_free_radius_is_the_distance_to_what_bounds_the_free_part(seed: int) -> None:
     rng = np.random.default_rng(seed)
     blocker = convex_hull(rng.uniform(-0.3, 0.3, (5, 2)))
-    normals = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    square = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     free = shapely.box(-0.5, -0.5, 0.5, 0.5).difference(shapely.Polygon(blocker))
     x = rng.uniform(-0.5, 0.5, 2)
-    radius = free_radius(x, FreeSpace(normals, np.full(4, 0.5), blocker[None], np.array([len(blocker)]), 0.0))
+    radius = free_radius(x, FreeSpace(square, blocker, np.array([0, len(blocker)]), True))
     point = shapely.Point(x)
     if free.contains(point):
         assert radius == pytest.approx(free.boundary.distance(point), abs=1e-9)
@@ -250,9 +251,8 @@ def test_free_radius_is_the_distance_to_what_bounds_the_free_part(seed: int) -> 
 
 
 def test_an_empty_free_part_has_no_circles() -> None:
-    normals, offsets = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]), np.array([-0.1, -0.1, 1.0, 1.0])
-    nothing = np.zeros((0, 1, 2)), np.zeros(0, np.int64)
-    assert len(cover_free_space(FreeSpace(normals, offsets, *nothing, 0.0), 0.08, 0.01)) == 0
+    nothing = FreeSpace(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(1, np.int64), True)
+    assert len(cover_free_space(nothing, 0.08, 0.01)) == 0
 
 
 def test_a_hull_of_points_on_a_line_is_a_segment_and_of_one_point_a_point() -> None:

@@ -12,13 +12,12 @@ from scenes.contact import contact_rotation
 from scenes.footholds.projection import (
     PALM_CLEARANCE,
     PatchShape,
-    box_is_free,
     contact_axes,
     no_placements,
-    nothing_near,
     project_palms,
     set_down,
 )
+from scenes.terrain.free_boxes import box_is_free, nothing_near
 from scenes.terrain.packed_terrain import near, pack_terrain, polygon_meets_box
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain

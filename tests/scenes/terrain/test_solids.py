@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from scenes.footholds.projection import box_is_free, nothing_near, set_down
+from scenes.footholds.projection import set_down
 from scenes.pose import pose_matrix
 from scenes.terrain.closed_bodies import solid_of_triangles
+from scenes.terrain.free_boxes import box_is_free, nothing_near
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 from scenes.terrain.solids import in_solid, solid_at, solid_columns, winding
 from scenes.terrain.surface import Surface
