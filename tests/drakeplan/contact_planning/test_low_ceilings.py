@@ -56,7 +56,7 @@ def test_no_stance_has_a_posture_under_a_ceiling_that_is_too_low(height: float, 
     assert planner.check.stance(planner._start_state[:4]) == "collision"
 
 
-@pytest.mark.parametrize("height", [1.3, 1.5])
+@pytest.mark.parametrize("height", [1.4, 1.55])
 def test_the_search_leads_under_a_beam_in_few_expansions(height: float) -> None:
     planner = SearchPlanner(corridor(beam(height, (0.8, 1.4))), FEET)
     plan = next(iter(planner.plans(Limits(expansions=400, improve=0.0))))
@@ -65,14 +65,14 @@ def test_the_search_leads_under_a_beam_in_few_expansions(height: float) -> None:
 
 def test_what_is_proved_closed_the_search_finds_no_way_through() -> None:
     outcomes = set()
-    for gap, low in ((0.0, 1.15), (0.15, 0.9), (0.3, 1.15), (0.45, 0.9), (0.9, 1.15)):
+    for gap, low in ((0.0, 1.15), (0.2, 0.9), (0.4, 1.15), (0.9, 0.9)):
         context = corridor(beam(low, (0.8, 1.4), (-1.0, HALF - gap)))
         planner = SearchPlanner(context, FEET)
         stride, reach = FEET.longest_travel(ROBOT), FEET.step_reach(ROBOT)
         scene, packed = context.scene, context.packed
         closed = torso_closed(scene.terrain, packed, ROBOT, stride, reach, context.start, context.goal)
         planner.domain.beyond_grid = True
-        found = next(iter(planner._run(Limits(expansions=60, improve=0.0), time.perf_counter, 0)), None)
+        found = next(iter(planner._run(Limits(expansions=40, improve=0.0), time.perf_counter, 0)), None)
         assert closed is None or found is None, f"gap {gap}"
         outcomes.add((closed is not None, found is not None))
     assert {(True, False), (False, True)} <= outcomes
