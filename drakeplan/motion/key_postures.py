@@ -36,7 +36,7 @@ from scenes.terrain.packed_terrain import PackedTerrain
 MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
 MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that
 MAX_CORNERS = 48  # of a balance polygon
-HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
+HOLD, COM, LOW, UPRIGHT, POSTURE = 300.0, 10.0, 3.0, 0.6, 0.1  # weights of contacts, CoM, its height, base, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 CLOSEST = 0.006  # [m] that bodies built to pass each other closely keep in a second attempt, and all in a third
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
@@ -428,7 +428,7 @@ def _targets(
     com_weight = np.tile([COM, COM, 0.0], (num, 1))
     for b, (drop, _) in enumerate(ways):  # a robot that has to be low is held there, whatever its legs would like
         if drop:
-            com[b, 2], com_weight[b, 2] = standing.ik.kinematics.com(q_ref[b])[2], COM
+            com[b, 2], com_weight[b, 2] = standing.ik.kinematics.com(q_ref[b])[2], LOW
     tree = standing.ik.kinematics.tree
     hold = np.where(placed >= 0, HOLD, 0.0)
     weight = posture_weight(len(tree.lower))
