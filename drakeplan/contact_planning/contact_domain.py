@@ -115,9 +115,8 @@ class ContactDomain:
         self._longer_limits = options.step_limits(robot, options.longer or options.model)
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
+        self.max_travel = options.longest_travel(robot)
         # A foot that translates by d moves the mean of the feet by d / 2.
-        farthest = max(float(np.abs(model.steps[:, 0]).max()) for model in (options.model, options.longer) if model)
-        self.max_travel = max(robot.max_foot_translation, farthest)
         self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
 
     # Search protocol -------------------------------------------------------------------------------------------
@@ -325,8 +324,7 @@ class ContactDomain:
         mean, yaw = 0.5 * (p + p0), _mean_yaw(xy_yaw[:, 2], yaw0)
         keep = fits & self._legs_reach(mean, yaw, p, p0, mover)
         self.rejections["reach"] += int((fits & ~keep).sum())
-        centre, size = np.array(self.robot.torso_box_centre, float), np.array(self.robot.torso_box_size, float)
-        free = boxes_are_free(self.packed, mean, yaw, centre, size, keep)
+        free = boxes_are_free(self.packed, mean, yaw, *self.robot.lowest_torso_box, keep)
         self.rejections["collision"] += int((keep & ~free).sum())
         keep = free
         rests = [supports[k] for k in np.flatnonzero(keep).tolist()] if supports else ()

@@ -53,6 +53,11 @@ class PlannerOptions:
         longest = max(float(model.steps[:, 0].max()) for model in models)
         return longest + (BEYOND if self.footholds == "snapped" else 0.0)
 
+    def longest_travel(self, robot: Robot) -> float:
+        """How far a foot moves in one transition at most [m]."""
+        models = [model for model in (self.model, self.longer) if model is not None]
+        return max(robot.max_foot_translation, *(float(np.abs(model.steps[:, 0]).max()) for model in models))
+
     def step_limits(self, robot: Robot, model: TransitionModel) -> StepLimits:
         """Bounds of the steps that a foot may make: snapped ones may go a little beyond those of a model.
 

@@ -13,12 +13,14 @@ from typing import Protocol
 import numpy as np
 
 from drakeplan.contact_planning.contact_pool import ContactPool, Held
-from learning.surrogate import DynamicsSurrogate
+from learning.surrogate import FRICTION_TOLERANCE, DynamicsSurrogate
 from learning.transition_batch import TransitionBatch
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.transition_dynamics import TransitionDynamics
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
+
+MOST_ASKED = 8  # transitions from one state, far from what was learned, that the exact program is asked about
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,9 @@ class LearnedDynamics:
     def evaluate(
         self, before: Held, after: Sequence[Held], com: np.ndarray, velocity: np.ndarray
     ) -> TransitionEstimates:
-        """Evaluates the networks once for all transitions, and the exact program for those far from the training data.
+        """Evaluates the networks once for all transitions, and the exact program for some of those far from the training data.
+
+        The others of those are not feasible, as far as is known.
 
         Args:
             before: contact numbers by end effector, -1 where free.
@@ -132,12 +136,28 @@ class LearnedDynamics:
         final_com, final_velocity = says.com.copy(), says.velocity.copy()
         far = np.flatnonzero(says.far) if self.exact is not None else np.zeros(0, int)
         if self.exact is not None and len(far):
+            feasible[far], cost[far] = False, np.inf
+            far = self._asked_about(batch, far)
             truth = self.exact.evaluate(before, [after[k] for k in far.tolist()], com, velocity)
             feasible[far], cost[far] = truth.feasible, truth.cost
             final_com[far], final_velocity[far] = truth.com, truth.velocity
-        self.asked["learned"] += len(after) - len(far)
+        self.asked["learned"] += len(after) - int(says.far.sum()) if self.exact is not None else len(after)
         self.asked["exact"] += len(far)
         return TransitionEstimates(feasible, cost, final_com, final_velocity)
+
+    def _asked_about(self, batch: TransitionBatch, far: np.ndarray) -> np.ndarray:
+        """Of the transitions that are far (n,), all on slippery ground and at most `MOST_ASKED` others, spread evenly.
+
+        An exact program takes 0.1 s, and a state with two palms held in an odd way has 60 such transitions: asked about all
+        of them, the search would stand still for seconds, with no look at its deadline.
+        """
+        slippery = np.zeros(len(far), bool)
+        if batch.friction is not None:
+            slippery = batch.friction[far] < self.surrogate.friction[0] - FRICTION_TOLERANCE
+        others = np.flatnonzero(~slippery)
+        if len(others) > MOST_ASKED:
+            others = others[np.linspace(0, len(others) - 1, MOST_ASKED).astype(int)]
+        return far[np.sort(np.concatenate([np.flatnonzero(slippery), others]))]
 
 
 def stance_of(pool: ContactPool, held: Held) -> Stance:

@@ -180,6 +180,22 @@ def surfaces_in_reach(
     return bool((reached & _at_goal(plans, heights, goal, reach, robot.max_step_height)).any())
 
 
+def reached_surfaces(terrain: Terrain, robot: Robot, reach: float, start: Stance) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) outlines in the plan view of the surfaces that steps lead to, and (n, 2) their least and greatest heights [m].
+
+    Args:
+        terrain: its surfaces.
+        robot: gives the greatest height of a step.
+        reach: how far apart a step sets the feet at most, in the plan view [m].
+        start: the first stance.
+    """
+    feet = [k for k, s in enumerate(terrain.surfaces) if s.allows("left_foot") or s.allows("right_foot")]
+    plans, heights = _plans(terrain, feet)
+    on = [feet.index(c.surface) for c in start.contacts[:2] if c]
+    reached = _connected(plans, heights, reach, robot.max_step_height, on)
+    return plans[reached], heights[reached]
+
+
 def _plans(terrain: Terrain, feet: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """(n,) outlines of surfaces in the plan view and (n, 2) their least and greatest heights [m]."""
     vertices = [terrain.surfaces[k].vertices for k in feet]

@@ -1,9 +1,10 @@
 """Distance to the goal for a floating torso box on a grid of SE(2) and floors (Lin 2020 sec. 6.4, fig. 6.3, eq. 6.7).
 
 Dijkstra runs from the goal over cells of x, y and yaw (8-connected, or turning on the spot), one for each floor there. A
-cell is free when there is ground to step on nearby and the torso box over it touches nothing; neighbours are joined where
-a step joins their floors. Cells are looked at when the wave reaches them and the wave stops as soon as the cell that was
-asked for is settled: time and memory go with the part in question, not with the terrain.
+cell is free when there is ground to step on nearby and the torso box over it touches nothing, upright or lowered as far as
+the robot can; neighbours are joined where a step joins their floors. A way on which the robot has to lower itself counts
+`STOOPED` times, so that a short way round is preferred. Cells are looked at when the wave reaches them and the wave stops as
+soon as the cell that was asked for is settled: time and memory go with the part in question, not with the terrain.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.
@@ -35,6 +36,8 @@ from scenes.terrain.packed_terrain import PackedTerrain
 
 TURNS = 12  # yaw cells, 30 deg each
 UNSEEN, SETTLED, BLOCKED = -1, -2, -3
+STOOPED = 1.5  # times the length of a way on which the robot has to lower itself
+TAKEN, LOWERED, UPRIGHT = 0, 1, 2  # whether the torso may be somewhere, and how
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,11 @@ class _Wave(NamedTuple):
         turn_cost: cost of turning [m/rad].
         box_centre: (3,) centre of the torso box over the ground, in a frame with its yaw [m].
         box_size: (3,) full edges of the torso box [m].
+        low_centre: (3,) centre of what is left of it when the robot lowers itself as far as it can [m].
+        low_size: (3,) full edges of that [m].
         clear: (levels,) 1 where nothing is near the torso at any yaw, 2 where something is, 0 where that is unknown.
         cost: (nodes,) distance to the goal [m]; means something where the place is not UNSEEN.
+        lowered: (nodes,) whether the robot has to lower itself there; means something where the place is not UNSEEN.
         place: (nodes,) place in the heap, or UNSEEN, SETTLED, BLOCKED.
         heap: (nodes,) nodes in the order of a binary heap by cost.
         size: (1,) how many nodes are in the heap.
@@ -72,8 +78,11 @@ class _Wave(NamedTuple):
     turn_cost: float
     box_centre: np.ndarray
     box_size: np.ndarray
+    low_centre: np.ndarray
+    low_size: np.ndarray
     clear: np.ndarray
     cost: np.ndarray
+    lowered: np.ndarray
     place: np.ndarray
     heap: np.ndarray
     size: np.ndarray
@@ -112,6 +121,7 @@ class TorsoGrid:
         self._packed = packed
         reserve = most_new_levels(self.options.support_radius, cell)
         box_centre, box_size = np.array(robot.torso_box_centre, float), np.array(robot.torso_box_size, float)
+        low_centre, low_size = robot.lowest_torso_box
         ground = GroundLevels(
             origin=origin,
             cell=float(cell),
@@ -132,8 +142,11 @@ class TorsoGrid:
             turn_cost=float(self.options.turn_cost),
             box_centre=box_centre,
             box_size=box_size,
+            low_centre=low_centre,
+            low_size=low_size,
             clear=np.empty(0, np.int8),
             cost=np.empty(0),
+            lowered=np.empty(0, np.bool_),
             place=np.empty(0, np.int32),
             heap=np.empty(0, np.int32),
             size=np.zeros(1, np.int64),
@@ -203,6 +216,7 @@ class TorsoGrid:
             ground=ground,
             clear=longer(wave.clear, levels),
             cost=longer(wave.cost, nodes, np.inf),
+            lowered=longer(wave.lowered, nodes),
             place=longer(wave.place, nodes, UNSEEN),
             heap=longer(wave.heap, nodes),
         )
@@ -258,8 +272,11 @@ def _push(heap: np.ndarray, place: np.ndarray, size: np.ndarray, s: int) -> None
 
 
 @njit(cache=True)
-def _free(packed: PackedTerrain, wave: _Wave, level: int, t: int) -> bool:
-    """Whether the torso may be over a level; `clear` remembers the levels where nothing is near at any yaw."""
+def _free(packed: PackedTerrain, wave: _Wave, level: int, t: int) -> int:
+    """How the torso may be over a level: UPRIGHT, LOWERED, or TAKEN where it may not.
+
+    `clear` remembers the levels where nothing is near at any yaw.
+    """
     ground, centre, box, clear = wave.ground, wave.box_centre, wave.box_size, wave.clear
     x = ground.origin[0] + (ground.at[level, 0] + 0.5) * ground.cell
     y = ground.origin[1] + (ground.at[level, 1] + 0.5) * ground.cell
@@ -268,7 +285,12 @@ def _free(packed: PackedTerrain, wave: _Wave, level: int, t: int) -> bool:
         reach = np.sqrt((abs(centre[0]) + 0.5 * box[0]) ** 2 + (abs(centre[1]) + 0.5 * box[1]) ** 2)
         z_low, z_high = z + centre[2] - 0.5 * box[2], z + centre[2] + 0.5 * box[2]
         clear[level] = 1 if nothing_near(packed, x, y, reach, z_low, z_high) else 2
-    return clear[level] == 1 or box_is_free(packed, np.array([x, y, z]), 2 * np.pi * t / TURNS, centre, box)
+    if clear[level] == 1:
+        return UPRIGHT
+    p, yaw = np.array([x, y, z]), 2 * np.pi * t / TURNS
+    if box_is_free(packed, p, yaw, centre, box):
+        return UPRIGHT
+    return LOWERED if box_is_free(packed, p, yaw, wave.low_centre, wave.low_size) else TAKEN
 
 
 @njit(cache=True)
@@ -314,8 +336,11 @@ def _seed_level(packed: PackedTerrain, wave: _Wave, level: int, goal_yaw: float)
             if abs(np.arctan2(np.sin(turn), np.cos(turn))) > np.pi / TURNS + 1e-6:
                 continue
         s = level * TURNS + t
-        if wave.place[s] == UNSEEN and _free(packed, wave, level, t):
-            wave.cost[s] = 0.0
+        if wave.place[s] != UNSEEN:
+            continue
+        how = _free(packed, wave, level, t)
+        if how != TAKEN:
+            wave.cost[s], wave.lowered[s] = 0.0, how == LOWERED
             _push(wave.heap, wave.place, wave.size, s)
 
 
@@ -325,7 +350,7 @@ def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
 
     Functions that take whole terrains are called only for what is new: passing one costs more than a node.
     """
-    ground, cost, place, clear = wave.ground, wave.cost, wave.place, wave.clear
+    ground, cost, place, clear, lowered = wave.ground, wave.cost, wave.place, wave.clear, wave.lowered
     known, first, following, height, at = ground.known, ground.first, ground.following, ground.z, ground.at
     nx, ny = first.shape
     turn = wave.turn_cost * 2 * np.pi / TURNS
@@ -358,14 +383,19 @@ def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
         nodes[n], edges[n] = level * TURNS + (t + 1) % TURNS, turn
         nodes[n + 1], edges[n + 1] = level * TURNS + (t + TURNS - 1) % TURNS, turn
         for m in range(n + 2):
-            q, new = nodes[m], cost[s] + edges[m]
-            if place[q] <= SETTLED or cost[q] <= new:
+            q = nodes[m]
+            if place[q] <= SETTLED or cost[q] <= cost[s] + edges[m]:
                 continue
             if place[q] == UNSEEN:
-                if clear[q // TURNS] != 1 and not _free(packed, wave, q // TURNS, q % TURNS):
+                how = UPRIGHT if clear[q // TURNS] == 1 else _free(packed, wave, q // TURNS, q % TURNS)
+                if how == TAKEN:
                     place[q] = BLOCKED
                     continue
+                lowered[q] = how == LOWERED
                 _push(wave.heap, place, wave.size, q)
+            new = cost[s] + edges[m] * (STOOPED if lowered[s] or lowered[q] else 1.0)
+            if cost[q] <= new:
+                continue
             cost[q] = new
             _sift_up(wave.heap, place, cost, place[q])
     return True
@@ -404,7 +434,7 @@ def _query(
                     continue
                 s = level * TURNS + t
                 if (
-                    place[s] == UNSEEN and wave.clear[level] != 1 and not _free(packed, wave, level, t)
+                    place[s] == UNSEEN and wave.clear[level] != 1 and _free(packed, wave, level, t) == TAKEN
                 ):  # never worth growing the wave for
                     place[s] = BLOCKED
                 if place[s] != SETTLED and place[s] != BLOCKED and not _grow_until(packed, wave, s):

@@ -16,7 +16,8 @@ from drakeplan.contact_planning.contact_pool import ContactPool, Held
 from optimization.balance.balance_regions import balance_polygon
 from optimization.balance.friction import FrictionCone, cone_generators, frame_stands_alone
 from optimization.balance.static_equilibrium import ContactArrays
-from optimization.inverse_kinematics.whole_body_ik import IkOptions, WholeBodyIK
+from optimization.inverse_kinematics.standing_postures import NOMINAL, standing_postures
+from optimization.inverse_kinematics.whole_body_ik import IkAnswer, IkOptions, WholeBodyIK
 from optimization.multibody.terrain_clearance import limbs, penetration
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -163,9 +164,40 @@ class TransitionCheck:
         if not answer.ok and seed is not None:
             answer = ik.solve(X_WE, active, region, None, options=options)
         if answer.ok:
-            depth = penetration(self.ik.model.tree, self.ik.model.capsules, self._limbs, self.packed, answer.q)
-            return ("collision" if depth > LIMB_DEPTH else ""), answer.q
+            if self._collides(answer.q):
+                answer = self._out_of_the_way(ik, X_WE, active, region, answer, options)
+            return ("collision" if self._collides(answer.q) else ""), answer.q
         return ("reach" if answer.contact_error > answer.com_violation else "balance"), answer.q
+
+    def _collides(self, q: np.ndarray) -> bool:
+        model = self.ik.model
+        if penetration(model.tree, model.capsules, self._limbs, self.packed, q) > LIMB_DEPTH:
+            return True
+        return standing_postures(self.ik).is_inside(self.packed, q)
+
+    def _out_of_the_way(
+        self,
+        ik: WholeBodyIK,
+        X_WE: np.ndarray,
+        active: np.ndarray,
+        region: np.ndarray,
+        found: IkAnswer,
+        options: IkOptions,
+    ) -> IkAnswer:
+        """A lowered posture, or one with the arms elsewhere, where trunk, head or arms are in the terrain; else the given one."""
+        standing, feet = standing_postures(self.ik), active[:2]
+        if not feet.any() or standing.is_free(self.packed, found.q):
+            return found
+        heading = X_WE[:2][feet][:, :2, 0].sum(axis=0)
+        place = np.append(self.ik.kinematics.com(found.q)[:2], X_WE[:2][feet][:, 2, 3].mean())
+        way = standing.way_at(self.packed, [(place, float(np.arctan2(heading[1], heading[0])))])
+        if way == NOMINAL:
+            return found
+        self.num_ik += 1
+        other = copy.copy(ik)
+        other.model = ik.model._replace(q_nominal=standing.postures[way])
+        answer = other.solve(X_WE, active, region, None, options=options)
+        return answer if answer.ok else found
 
     def _solve_region(self, held: Held) -> np.ndarray | None:
         numbers = [n for n in held if n >= 0]

@@ -20,22 +20,23 @@ from drakeplan.motion.posture_branches import COMFORT, MISSED, best_of, holding_
 from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.motion.separation import Room, Shortage, separate_bodies, shortages
 from drakeplan.motion.swing import SwingCurve
+from drakeplan.motion.ways_to_stand import ways_to_stand
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.balance.balance_regions import balance_polygon, contact_arrays
 from optimization.balance.friction import FrictionCone
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
+from optimization.inverse_kinematics.standing_postures import StandingPostures, Way, standing_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.multibody.kinematic_tree import KinematicTree
-from optimization.multibody.kinematics import Kinematics
 from scenes.contact import Contact
-from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
+from scenes.terrain.packed_terrain import PackedTerrain
 
 MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
 MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that
 MAX_CORNERS = 48  # of a balance polygon
-HOLD, COM, UPRIGHT, POSTURE = 300.0, 10.0, 0.6, 0.1  # weights of contacts, CoM, base orientation, joints
+HOLD, COM, LOW, UPRIGHT, POSTURE = 300.0, 10.0, 3.0, 0.6, 0.1  # weights of contacts, CoM, its height, base, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 CLOSEST = 0.006  # [m] that bodies built to pass each other closely keep in a second attempt, and all in a third
 LIMIT_SLACK = 2e-3  # [rad] of every joint's range that the motion leaves unused
@@ -73,6 +74,8 @@ class KeyPostures:
         contact_error: (P + 1,) greatest distance of a placed end effector from its contact [m].
         com_error: (P + 1,) horizontal distance of the CoM from where it was wanted [m].
         regions: (P + 1) balance polygons (V, 2) of the contacts that carry there, CCW [m].
+        ways: P + 1 ways to stand that they stay near.
+        inside: (P + 1,) bool, whether a part of trunk, head or arms is inside a solid.
         near: bodies that are nearer to each other than asked, at boundaries without a posture.
     """
 
@@ -81,11 +84,14 @@ class KeyPostures:
     contact_error: np.ndarray
     com_error: np.ndarray
     regions: tuple[np.ndarray, ...]
+    ways: tuple[Way, ...]
+    inside: np.ndarray
     near: dict[int, Shortage] = field(default_factory=dict)
 
     def failures(self) -> list[int]:
         """Boundaries without a posture."""
-        return np.flatnonzero((self.contact_error > GOOD_CONTACT) | (self.com_error > GOOD_COM)).tolist()
+        bad = (self.contact_error > GOOD_CONTACT) | (self.com_error > GOOD_COM) | self.inside
+        return np.flatnonzero(bad).tolist()
 
     def complaint(self, boundary: int) -> Complaint:
         """What is wrong with the posture at a boundary that has none."""
@@ -95,6 +101,8 @@ class KeyPostures:
             pair = " and ".join(short.bodies)
             return Complaint("its own bodies" if short.own else pair, f"{pair} {gap}")
         contact, com = float(self.contact_error[boundary]), float(self.com_error[boundary])
+        if self.inside[boundary]:
+            return Complaint("no room", "the body has no room, however low and with whatever arms")
         if not np.isfinite(com):
             return Complaint("balance", "the contacts balance nowhere")
         if contact / GOOD_CONTACT > com / GOOD_COM:
@@ -188,16 +196,16 @@ def solve_key_postures(
         polygons = tuple(regions(tuple(schedule.contacts[c] for c in row if c >= 0)) for row in support)
     else:
         polygons = tuple(com[:2] + COURSE_WIDTH * SQUARE for com in com_course.at(schedule.boundaries))
-    targets = _targets(robot, ik.kinematics, schedule, placed, polygons)
-    if com_course is not None:
-        targets = replace(targets, com=com_course.at(schedule.boundaries))
-    q = np.stack([standing_over(nominal_posture(robot), p, heading) for p, heading in _stands(schedule, placed)])
+    com = None if com_course is None else com_course.at(schedule.boundaries)
+    standing = standing_postures(ik)
+    targets, ways = _targets(standing, schedule, placed, polygons, com, monitor.packed)
+    q = targets.q_ref
     tree = ik.kinematics.tree
     answer = track_postures(tree, targets, q, chained=False, max_iterations=60)
     answer = on_one_branch(tree, targets, answer, placed, (GOOD_CONTACT, GOOD_COM))
     room = Room.of(robot, monitor, spread)
     answer = separate_bodies(tree, monitor, targets, answer, placed, room)
-    keys = _judged(ik.kinematics, answer, polygons)
+    keys = _judged(standing, answer, polygons, ways, monitor.packed)
     failures = keys.failures()
     if failures:
         targets = _reachable(ik, targets, answer.q, placed, polygons, failures)
@@ -205,7 +213,7 @@ def solve_key_postures(
         q = np.where(solve[:, None], targets.q_ref, answer.q)
         answer = track_postures(tree, targets, q, solve=solve, chained=False, max_iterations=60)
         answer = separate_bodies(tree, monitor, targets, answer, placed, room, reserve=0.0, closest=CLOSEST)
-        keys = _judged(ik.kinematics, answer, polygons)
+        keys = _judged(standing, answer, polygons, ways, monitor.packed)
         failures = keys.failures()
         if failures:  # everything a little nearer: the motion keeps no more than this either
             solve = np.isin(np.arange(len(q)), failures)
@@ -213,7 +221,7 @@ def solve_key_postures(
             answer = separate_bodies(
                 tree, monitor, targets, answer, placed, room, reserve=0.0, closest=CLOSEST, apart=CLOSEST
             )
-            keys = _judged(ik.kinematics, answer, polygons)
+            keys = _judged(standing, answer, polygons, ways, monitor.packed)
         keys = replace(keys, near=shortages(monitor, keys.q, keys.failures(), placed, CLOSEST, CLOSEST))
     return keys
 
@@ -266,7 +274,8 @@ def solve_course(
     num, num_effectors = len(middle), schedule.stance_contact.shape[1]
     X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
     place, com = np.zeros((num, num_effectors)), np.zeros((num, 3))
-    t, q = np.zeros(num), np.zeros((num, len(nominal_posture(robot))))
+    standing = standing_postures(ik)
+    t, q = np.zeros(num), np.zeros((num, keys.q.shape[1]))
     for i, n in enumerate(middle):
         phase = schedule.phases[n]
         t[i] = phase.start + HALFWAY * (phase.end - phase.start)
@@ -281,7 +290,7 @@ def solve_course(
             place[i, phase.mover] = FLY[0]
         last = len(schedule.stance_contact) - 1
         feet, heading = _stand(schedule, schedule.stance_contact[[n // 2, min((n + 1) // 2, last)]])
-        q[i] = standing_over(nominal_posture(robot), feet, heading)
+        q[i] = standing.over(max(keys.ways[n : n + 2]), feet, heading)
     tree = ik.kinematics.tree
     turn = np.where(place == HOLD, LEVER * HOLD, np.where(place > 0.0, FLY[1], 0.0))
     targets = TrackingTargets(
@@ -331,11 +340,18 @@ def _between(
     return best_of(answers, cost.argmin(axis=0))
 
 
-def _judged(kinematics: Kinematics, answer: TrackedPostures, polygons: tuple[np.ndarray, ...]) -> KeyPostures:
-    com = np.array([kinematics.com(x) for x in answer.q])
+def _judged(
+    standing: StandingPostures,
+    answer: TrackedPostures,
+    polygons: tuple[np.ndarray, ...],
+    ways: tuple[Way, ...],
+    packed: PackedTerrain | None,
+) -> KeyPostures:
+    com = np.array([standing.ik.kinematics.com(x) for x in answer.q])
     com_error = np.linalg.norm(answer.com_error[:, :2], axis=1)
     com_error[[len(p) < 3 for p in polygons]] = np.inf
-    return KeyPostures(answer.q, com, answer.effector_error.max(axis=1), com_error, polygons)
+    inside = np.array([packed is not None and standing.is_inside(packed, x) for x in answer.q])
+    return KeyPostures(answer.q, com, answer.effector_error.max(axis=1), com_error, polygons, ways, inside)
 
 
 def _reachable(
@@ -357,27 +373,12 @@ def _reachable(
             if found is None or not found.ok:
                 found = ik.solve(targets.X_WE[b], placed[b] >= 0, region, None) if len(region) else None
             if found is not None and found.ok:
-                com[b], q_ref[b] = ik.kinematics.com(found.q), found.q
+                reached = ik.kinematics.com(found.q)
+                low = targets.com_weight[b, 2] > 0.0  # then it stays low, and near its way to stand
+                com[b, : 2 if low else 3] = reached[: 2 if low else 3]
+                q_ref[b] = q_ref[b] if low else found.q
                 break
     return replace(targets, com=com, q_ref=q_ref, lower=ik.kinematics.tree.lower, upper=ik.kinematics.tree.upper)
-
-
-def standing_over(q_nominal: np.ndarray, feet_mean: np.ndarray, heading: float) -> np.ndarray:
-    """(nq,) the nominal posture moved to a position and heading.
-
-    Args:
-        q_nominal: (nq,) the nominal posture, Drake's order, at the origin with heading zero.
-        feet_mean: (3,) mean of the feet in W [m].
-        heading: about W's z [rad].
-    """
-    q = np.array(q_nominal)
-    w0, x0, y0, z0 = q_nominal[:4]
-    c, s = np.cos(heading / 2), np.sin(heading / 2)
-    q[:4] = [c * w0 - s * z0, c * x0 - s * y0, c * y0 + s * x0, c * z0 + s * w0]
-    x, y = q_nominal[4:6]
-    c, s = np.cos(heading), np.sin(heading)
-    q[4:7] = feet_mean + np.array([c * x - s * y, s * x + c * y, q_nominal[6]])
-    return q
 
 
 def _boundary_contacts(schedule: Schedule) -> tuple[np.ndarray, np.ndarray]:
@@ -404,21 +405,31 @@ def _stand(schedule: Schedule, rows: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _targets(
-    robot: Robot,
-    kinematics: Kinematics,
+    standing: StandingPostures,
     schedule: Schedule,
     placed: np.ndarray,
     polygons: tuple[np.ndarray, ...],
-) -> TrackingTargets:
+    com_course: np.ndarray | None,
+    packed: PackedTerrain | None,
+) -> tuple[TrackingTargets, tuple[Way, ...]]:
+    """Targets of all key postures, their CoM in the polygons or on a course (P + 1, 3), and the ways to stand that they stay near."""
     num, num_effectors = placed.shape
     X_WE = np.tile(np.eye(4), (num, num_effectors, 1, 1))
     for b, e in zip(*np.nonzero(placed >= 0), strict=True):
         X_WE[b, e] = schedule.contacts[placed[b, e]].X_WC
-    com, q_ref = np.zeros((num, 3)), np.empty((num, len(nominal_posture(robot))))
-    for b, (feet, heading) in enumerate(_stands(schedule, placed)):
+    stands = _stands(schedule, placed)
+    com = np.zeros((num, 3))
+    for b, (feet, _) in enumerate(stands):
         com[b, :2] = resting_point(polygons[b], feet[:2]) if len(polygons[b]) >= 3 else feet[:2]
-        q_ref[b] = standing_over(nominal_posture(robot), feet, heading)
-    tree = kinematics.tree
+    com = com if com_course is None else np.array(com_course)
+    places = np.column_stack([com[:, :2], [feet[2] for feet, _ in stands]])
+    ways = ways_to_stand(standing, packed, places, np.array([heading for _, heading in stands]))
+    q_ref = np.stack([standing.over(way, *stand) for way, stand in zip(ways, stands, strict=True)])
+    com_weight = np.tile([COM, COM, 0.0], (num, 1))
+    for b, (drop, _) in enumerate(ways):  # a robot that has to be low is held there, whatever its legs would like
+        if drop:
+            com[b, 2], com_weight[b, 2] = standing.ik.kinematics.com(q_ref[b])[2], LOW
+    tree = standing.ik.kinematics.tree
     hold = np.where(placed >= 0, HOLD, 0.0)
     weight = posture_weight(len(tree.lower))
     return TrackingTargets(
@@ -426,12 +437,12 @@ def _targets(
         hold,
         LEVER * hold,
         com,
-        np.tile([COM, COM, 0.0], (num, 1)),
+        com_weight,
         q_ref,
         weight,
         tree.lower + KNEE_SLACK,
         tree.upper - KNEE_SLACK,
-    )
+    ), tuple(ways)
 
 
 def posture_weight(num_joints: int) -> np.ndarray:

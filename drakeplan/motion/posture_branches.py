@@ -16,22 +16,10 @@ import numpy as np
 from optimization.inverse_kinematics.frame_task import TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.multibody.kinematic_tree import KinematicTree
+from optimization.multibody.kinematics import limb_links
 
 COMFORT = 0.02  # weight of the joints' distance from the reference beside that of their way
 MISSED = 1e3  # [rad^2] what a posture costs that misses its targets
-
-
-def limb_links(tree: KinematicTree, effector: int) -> list[int]:
-    """Links from the one that carries an end effector up to the first below the base.
-
-    Args:
-        tree: of the robot.
-        effector: index into `EFFECTORS`.
-    """
-    chain = [int(tree.frame_link[effector])]
-    while tree.parent[chain[-1]] > 0:
-        chain.append(int(tree.parent[chain[-1]]))
-    return chain
 
 
 def on_one_branch(

@@ -102,6 +102,9 @@ class ProximityMonitor:
     """Finds the pairs of bodies that come near each other; what it costs depends on the terrain near the robot alone.
 
     Distances are those of our own kernels; whether a finished motion collides is asked of Drake, by the verifier.
+
+    Attributes:
+        packed: the terrain, None for nothing but the robot.
     """
 
     def __init__(
@@ -119,7 +122,7 @@ class ProximityMonitor:
             packed: the terrain, None for nothing but the robot.
             terrain: the same, for the names of its parts.
         """
-        self._tree, self._packed = kinematics.tree, packed
+        self._tree, self.packed = kinematics.tree, packed
         self._shapes, self._names = read_shapes(robot_plant, kinematics)
         self._polygon_names = polygon_names(terrain) if terrain is not None else ()
         self._nominal = nominal_distances(robot_plant.robot)
@@ -145,9 +148,9 @@ class ProximityMonitor:
             np.full(len(met.row), -1),
             tuple((name[a], name[b]) for a, b in met.shape.tolist()),
         )
-        if self._packed is None:
+        if self.packed is None:
             return among
-        hit = near_terrain(self._tree, self._shapes, self._packed, postures, distance)
+        hit = near_terrain(self._tree, self._shapes, self.packed, postures, distance)
         ground = Encounters(
             rows[hit.row],
             hit.distance,

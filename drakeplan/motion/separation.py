@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drakeplan.motion.posture_branches import limb_links
 from drakeplan.motion.proximity import KEEP, Encounters, ProximityMonitor
 from optimization.inverse_kinematics.frame_task import TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.multibody.kinematic_tree import KinematicTree, forward
+from optimization.multibody.kinematics import limb_links
 from scenes.robots.nominal_distances import ordered
 from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot

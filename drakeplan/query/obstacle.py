@@ -16,6 +16,7 @@ from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
 from drakeplan.query.friction_proof import too_slippery
+from drakeplan.query.head_room import no_head_room, too_low
 from drakeplan.query.refusal import Refusal
 from drakeplan.query.relaxations import Relaxation, needed_friction, relaxations, with_terrain
 from drakeplan.search.ana_star import Limits
@@ -101,11 +102,21 @@ def proved_obstacle(context: QueryContext, options: PlannerOptions) -> Obstacle 
     """
     surface = too_slippery(context, options)
     if surface is None:
-        return None
+        return _too_low(context, options)
     limit, what = _friction_text(surface)
     tested = {"chains of steps that leave out what holds no foot": "unreachable"}
     text = f"{what}, and every way to the goal leads over such ground"
     return Obstacle("friction", surface.name, _tuple(surface.centroid), limit, "", tested, text)
+
+
+def _too_low(context: QueryContext, options: PlannerOptions) -> Obstacle | None:
+    """A ceiling that is proved to be too low wherever steps lead; None where none is."""
+    found = no_head_room(context, options)
+    if found is None:
+        return None
+    name, place, limit, what = found
+    tested = {"chains of stances whose torso is free": "unreachable"}
+    return Obstacle("collision", name, place, limit, "", tested, f"{what}, and no way leads round it")
 
 
 def refused_motion(refusal: Refusal) -> Obstacle | None:
@@ -244,7 +255,8 @@ def _too_small(context: QueryContext, plan: ContactPlan) -> Found:
 def _struck(context: QueryContext, plan: ContactPlan) -> Found:
     """The first solid that the torso box meets on the way."""
     terrain, robot = context.scene.terrain, context.robot
-    half, centre = 0.5 * np.array(robot.torso_box_size), np.array(robot.torso_box_centre)
+    centre, size = robot.lowest_torso_box
+    half = 0.5 * size
     ticks = [np.linspace(-h, h, int(np.ceil(2 * h / SAMPLES)) + 1) for h in half]
     points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3) + centre
     for stance in plan.stances:
@@ -256,10 +268,8 @@ def _struck(context: QueryContext, plan: ContactPlan) -> Found:
                 continue
             solid = next(o for o in terrain.obstacles if name.endswith(f"'{o.name}'"))
             under = float(solid.triangles()[..., 2].min() - mean[2])
-            top = float(centre[2] + half[2])
             if under > centre[2] - half[2]:
-                what = f"{name} leaves {under:.2f} m over the floor, the robot needs {top:.2f} m"
-                return name, (x, y, z), {"clearance_m": under, "needed_m": top}, what
+                return name, (x, y, z), *too_low(name, under, robot)
             what = f"{name} stands in the way of the torso, which is {2 * half[1]:.2f} m wide with its arms"
             return name, (x, y, z), {"width_m": float(2 * half[1])}, what
     return NOTHING

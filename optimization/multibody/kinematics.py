@@ -176,6 +176,19 @@ class Kinematics:
         return x
 
 
+def limb_links(tree: KinematicTree, effector: int) -> list[int]:
+    """Links from the one that carries an end effector up to the first below the base.
+
+    Args:
+        tree: of the robot.
+        effector: index into `EFFECTORS`.
+    """
+    chain = [int(tree.frame_link[effector])]
+    while tree.parent[chain[-1]] > 0:
+        chain.append(int(tree.parent[chain[-1]]))
+    return chain
+
+
 @dataclass(frozen=True)
 class _Attached:
     """A body and where it sits in its link."""

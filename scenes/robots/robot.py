@@ -18,6 +18,7 @@ from scenes.robots.model_file import MODEL_SUFFIXES, find_model
 from scenes.robots.schema import RobotEntry, read_robot_file
 
 ROBOTS = Path(__file__).parent
+LEAST_TORSO = 1 / 3  # of the torso box's height that stays however far the robot lowers itself
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,18 @@ class Robot:
     def palms(self) -> tuple[int, ...]:
         """The palms that the robot has, as indices into `EFFECTORS`."""
         return tuple(e for e in (LEFT_PALM, RIGHT_PALM) if min(self.effectors[e].half_extent) > 0.0)
+
+    @cached_property
+    def lowest_torso_box(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) centre in T and (3,) edges of what the torso box occupies however far the robot lowers itself [m].
+
+        Its top comes down with the CoM, to the least height of that; its bottom stays, for the knees go forward there.
+        """
+        centre, size = self.torso_box_centre.copy(), self.torso_box_size.copy()
+        drop = min(self.com_height[1] - self.com_height[0], (1.0 - LEAST_TORSO) * float(size[2]))
+        size[2] -= drop
+        centre[2] -= 0.5 * drop
+        return centre, size
 
     @cached_property
     def half_extents(self) -> np.ndarray:

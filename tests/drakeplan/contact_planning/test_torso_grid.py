@@ -7,8 +7,10 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from drakeplan.contact_planning.torso_grid import TURNS, TorsoGrid
+from drakeplan.contact_planning.torso_grid import STOOPED, TURNS, TorsoGrid
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import pack_terrain
@@ -120,11 +122,34 @@ def test_under_a_bridge_the_distance_is_that_of_the_floor_alone() -> None:
         assert ask(covered, x, 0.2) == ask(open_sky, x, 0.2)
 
 
-@pytest.mark.parametrize("height", [1.5, 1.64, 1.7, 2.0, 5.0])
-def test_a_ceiling_lower_than_the_torso_leaves_no_way_under_it(height: float) -> None:
+LOWEST_TOP = 1.65 - (0.953 - 0.5)  # [m] of escher's torso box, less what its CoM comes down
+
+
+@pytest.mark.parametrize("height", [0.8, 1.0, LOWEST_TOP - 0.01, LOWEST_TOP + 0.01, 1.5, 1.64, 1.7, 2.0, 5.0])
+def test_a_ceiling_lower_than_the_lowest_torso_leaves_no_way_under_it(height: float) -> None:
     ground, ceiling = floor("ground", -1, 3, -1, 1), floor("ceiling", 0.5, 1.5, -3, 3, z=height)
-    top = 1.65  # of escher's torso box
-    assert np.isfinite(ask(grid_on(Terrain((ground, ceiling))), 0.0, 0.0)) == (height > top)
+    assert np.isfinite(ask(grid_on(Terrain((ground, ceiling))), 0.0, 0.0)) == (height > LOWEST_TOP)
+
+
+@settings(max_examples=15, deadline=None)
+@given(height=st.floats(1.2, 2.2), depth=st.floats(0.3, 1.2))
+def test_a_way_on_which_the_robot_lowers_itself_counts_more_by_its_length(height: float, depth: float) -> None:
+    ground = floor("ground", -1, 3, -1, 1)
+    ceiling = floor("ceiling", 1.0 - 0.5 * depth, 1.0 + 0.5 * depth, -3, 3, z=height)
+    under, open_sky = (ask(grid_on(Terrain(parts)), 0.0, 0.0) for parts in ((ground, ceiling), (ground,)))
+    low = depth + 0.24 + 2 * CELL  # the torso box is 0.24 m deep
+    extra = under - open_sky
+    if height > 1.66:
+        assert extra == 0.0
+    else:
+        assert (STOOPED - 1.0) * (depth - CELL) <= extra <= (STOOPED - 1.0) * low + 1e-9
+
+
+def test_the_robot_goes_round_a_low_ceiling_where_that_is_hardly_longer() -> None:
+    ground = floor("ground", -1, 3, -3, 3)
+    beam = floor("beam", 0.5, 1.5, -0.2, 3, z=1.4)
+    under = ask(grid_on(Terrain((ground, floor("beam", 0.5, 1.5, -3, 3, z=1.4)))), 0.0, 0.0)
+    assert ask(grid_on(Terrain((ground,))), 0.0, 0.0) < ask(grid_on(Terrain((ground, beam))), 0.0, 0.0) < under
 
 
 def test_the_goal_counts_on_its_own_floor_alone() -> None:

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from drakeplan.motion.posture_branches import COMFORT, MISSED, best_of, holding_joints, limb_links, on_one_branch
+from drakeplan.motion.posture_branches import COMFORT, MISSED, best_of, holding_joints, on_one_branch
 from drakeplan.motion.posture_branches import _shortest as shortest
 from optimization.inverse_kinematics.frame_task import TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
-from optimization.multibody.kinematics import Kinematics
+from optimization.multibody.kinematics import Kinematics, limb_links
 from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from scenes.transition_model import transition_model
 ESCHER = load_robot("escher")
 IK = WholeBodyIK(ESCHER)
 AMPLE = 20.0  # [s] the budgets of expansions are what ends a search here
+LOWEST = 1.65 - (0.953 - 0.5)  # [m] top of escher's torso box when its CoM is as low as it goes
 FEET = PlannerOptions(use_palms=False)
 FIXED = PlannerOptions(use_palms=False, footholds="fixed")
 
@@ -65,15 +67,64 @@ def test_a_gap_that_no_steps_cross_names_none() -> None:
     assert "steps of leap_stride" in found.text
 
 
-@pytest.mark.parametrize("height", [1.3, 1.5])
+@pytest.mark.parametrize("height", [0.8, 1.1])
 def test_a_beam_names_its_height_and_the_robots(height: float) -> None:
     beam = Box("beam", np.array([0.6, 3.0, 0.3]), pose_matrix((0.9, 0.0, height + 0.15), (0.0, 0.0, 0.0)))
     aside = Box("aside", np.array([0.2, 0.2, 0.2]), pose_matrix((0.9, 3.0, 0.1), (0.0, 0.0, 0.0)))
     found = obstacle(context([slab("floor", (-0.8, 2.6))], 1.8, (aside, beam)), FEET)
     assert (found.kind, found.obstacle) == ("collision", "box 'beam'")
     assert found.limit["clearance_m"] == pytest.approx(height)
-    assert found.limit["needed_m"] == pytest.approx(1.65)
+    assert found.limit["needed_m"] == pytest.approx(LOWEST)
     assert found.tested["no box 'beam'"] == "found"
+
+
+def beam(height: float, depth: float = 0.6, half_width: float = 1.0) -> Box:
+    return Box("beam", np.array([depth, 2 * half_width, 0.3]), pose_matrix((1.1, 0.0, height + 0.15), (0.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize("height", [0.5, 0.9, 1.1, 1.19])
+@pytest.mark.parametrize("full_soles", [True, False])
+def test_a_beam_lower_than_the_lowest_torso_is_proved_and_said_at_once(height: float, full_soles: bool) -> None:
+    low = replace(context([slab("floor", (-0.8, 3.0))], 2.2, (beam(height),)), full_soles=full_soles)
+    found = proved_obstacle(low, FEET)
+    assert found is not None
+    assert (found.kind, found.obstacle) == ("collision", "box 'beam'")
+    assert found.limit["clearance_m"] == pytest.approx(height)
+    assert found.text == (
+        f"box 'beam' leaves {height:.2f} m over the floor, the robot needs {LOWEST:.2f} m lowered as far as it can, "
+        "and no way leads round it"
+    )
+
+
+@pytest.mark.parametrize("height", [1.21, 1.3, 1.6, 2.5])
+def test_no_beam_is_proved_under_which_the_lowest_torso_passes(height: float) -> None:
+    assert proved_obstacle(context([slab("floor", (-0.8, 3.0))], 2.2, (beam(height),)), FEET) is None
+
+
+def test_no_beam_is_proved_that_a_way_leads_round_or_a_stride_under() -> None:
+    wide = context([slab("floor", (-0.8, 3.0), (-0.6, 2.0))], 2.2, (beam(1.0),))
+    thin = context([slab("floor", (-0.8, 3.0))], 2.2, (beam(1.0, depth=0.1),))
+    aside = context([slab("floor", (-0.8, 3.0)), slab("aside", (-0.8, 3.0), (0.6, 2.0))], 2.2, (beam(1.0),))
+    behind = context([slab("floor", (-0.8, 3.0))], 0.3, (beam(1.0),))
+    assert [proved_obstacle(c, FEET) for c in (wide, thin, aside, behind)] == [None] * 4
+
+
+def test_a_low_surface_is_a_ceiling_too_and_one_on_stairs_is_measured_from_their_treads() -> None:
+    sheet = Surface("sheet", np.array([[0.7, -1, 1.0], [1.6, -1, 1.0], [1.6, 1, 1.0], [0.7, 1, 1.0]]))
+    found = proved_obstacle(context([slab("floor", (-0.8, 3.0)), sheet], 2.2), FEET)
+    assert found is not None
+    assert found.obstacle == "surface 'sheet'"
+    treads = [slab("floor", (-0.8, 0.4))]
+    for k in range(4):
+        x = 0.4 + 0.3 * k
+        treads.append(slab(f"tread {k}", (x, x + 0.3)))
+        treads[-1] = Surface(f"tread {k}", treads[-1].vertices + np.array([0, 0, 0.1 * (k + 1)]))
+    top = Surface("top", slab("top", (1.6, 3.0)).vertices + np.array([0, 0, 0.5]))
+    over = Box("over", np.array([0.6, 2.0, 0.3]), pose_matrix((2.0, 0.0, 0.5 + 1.0 + 0.15), (0, 0, 0)))
+    found = proved_obstacle(context([*treads, top], 2.6, (over,), z=0.5), FEET)
+    assert found is not None
+    assert found.obstacle == "box 'over'"
+    assert found.limit["clearance_m"] == pytest.approx(1.0, abs=0.3)  # over the ground near it
 
 
 @pytest.mark.parametrize("degrees", [35.0, 40.0])

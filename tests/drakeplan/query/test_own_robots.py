@@ -154,6 +154,8 @@ def keys(contact_error: float = 0.0, com_error: float = 0.0, near: Shortage | No
         np.array([contact_error]),
         np.array([com_error]),
         (np.zeros((0, 2)),),
+        ((0, 0),),
+        np.array([False]),
         {} if near is None else {0: near},
     )
 
