@@ -16,10 +16,10 @@ from scipy.ndimage import label as label_regions
 
 from drakeplan.contact_planning.reachability import MOST_CELLS, MOST_SURFACES, reached_surfaces
 from scenes.footholds.partial_support import INNER_RADIUS
-from scenes.footholds.projection import boxes_are_free
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.stance import Stance
+from scenes.terrain.free_boxes import boxes_are_free
 from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.terrain.terrain import Terrain
 
