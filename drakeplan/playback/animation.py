@@ -1,4 +1,4 @@
-"""Draws and animates what moves: the robot, the centre of mass, the contact forces."""
+"""Draws and animates what moves: the robot, the centre of mass, the contact forces; and what carries, while it does."""
 
 # pydrake's stubs take the first parameter of ndarray for its type, and reject every array.
 # pyright: reportArgumentType=false, reportCallIssue=false
@@ -28,6 +28,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drakeplan.plan.plan import Plan, PlanCentroidal
 from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
 from drakeplan.playback.still import COM_COLOUR, ROOT
+from drakeplan.playback.supports import animate_supports
 from scenes.gravity import GRAVITY
 from scenes.robots.drake_parser import add_model
 from scenes.robots.robot import Robot
@@ -87,6 +88,7 @@ def animate(meshcat: Meshcat, plan: Plan, robot: Robot) -> FrameTimes | None:
     _animate_com(meshcat, animation, plan, frames)
     for effector, name in enumerate(plan.effectors):
         _animate_force(meshcat, animation, plan, effector, f"{ROOT}/forces/{name}", frames)
+    animate_supports(meshcat, animation, plan, frames.rate, frames.last)
     meshcat.SetAnimation(animation)
     return frames
 

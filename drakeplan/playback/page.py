@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import html
+import json
 from collections.abc import Sequence
 
 from drakeplan.plan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
 from drakeplan.playback.pushes import PUSH_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR, PREDICTED_COLOUR, predicted_com
+from drakeplan.playback.supports import SUPPORT_COLOUR, SUPPORTS
 from scenes.disturbance import PERIOD
 from scenes.scene import Scene
 
 # Play, pause and a time slider in sight; meshcat's own are two clicks deep in its panel.
-# `#t=3.5` in the address stops the motion there; `&still` hides the control panel, `&bare` the legend too.
+# `#t=3.5` in the address stops the motion there; `&still` hides the control panel, `&bare` the legend too,
+# `&supports=0` the support polygons.
 CONTROLS = """
 <div id="plan-time" hidden>
   <button type="button" aria-label="play or pause">||</button>
   <input type="range" min="0" max="1" step="any" value="0" aria-label="time"><output></output>
+  <label><input type="checkbox" checked>supports</label>
 </div>
 <script>
   (function () {
     const wanted = new URLSearchParams(location.hash.slice(1));
     for (const name of ["still", "bare"]) if (wanted.has(name)) document.body.classList.add(name);
-    const [bar, button, slider, clock] = ["", " button", " input", " output"].map(
+    const [bar, button, slider, clock, supports] = ["", " button", " input", " output", " label input"].map(
       (part) => document.querySelector("#plan-time" + part));
+    const layer = () => {
+      viewer.set_property(SUPPORTS, "visible", supports.checked);
+      viewer.set_dirty();
+    };
     const animator = () => viewer.animator;
     const seek = (time) => {
       animator().pause();
@@ -37,6 +45,7 @@ CONTROLS = """
       button.textContent = animator().playing ? "||" : "\u25b6";
       requestAnimationFrame(show);
     };
+    supports.onchange = layer;
     button.onclick = () => (animator().playing ? animator().pause() : animator().play());
     slider.oninput = () => seek(parseFloat(slider.value));
     const wait = setInterval(() => {
@@ -44,6 +53,8 @@ CONTROLS = """
       clearInterval(wait);
       slider.max = animator().duration;
       bar.hidden = false;
+      supports.checked = wanted.get("supports") !== "0";
+      layer();
       if (wanted.has("t")) {
         animator().play();
         seek(Math.min(Math.max(parseFloat(wanted.get("t")) || 0, 0), animator().duration));
@@ -52,7 +63,7 @@ CONTROLS = """
     }, 20);
   })();
 </script>
-"""
+""".replace("SUPPORTS", json.dumps(SUPPORTS.strip("/").split("/")))
 
 STYLE = """
 <style>
@@ -72,6 +83,8 @@ STYLE = """
     box-shadow: 0 1px 6px rgba(0, 0, 0, 0.18);
   }
   #plan-time input { width: 36vw; vertical-align: middle; margin: 0 8px; }
+  #plan-time label { margin-left: 14px; }
+  #plan-time label input { width: auto; margin: 0 5px 0 0; }
   #plan-time button { width: 30px; border: 0; background: none; font-size: 15px; cursor: pointer; }
   #plan-time[hidden], body.still #plan-time,
   body.still .dg.main, body.still .dg.ac, body.bare #plan-legend { display: none !important; }
@@ -94,7 +107,11 @@ def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
         if count
     ]
     if plan.motion is not None:
-        shown += [(_css(COM_COLOUR), "centre of mass"), (_css(FORCE_COLOUR), "contact force")]
+        shown += [
+            (_css(COM_COLOUR), "centre of mass"),
+            (_css(FORCE_COLOUR), "contact force"),
+            (_css(SUPPORT_COLOUR), "what carries a foot or palm"),
+        ]
     if predicted_com(plan) is not None:
         shown.append((_css(PREDICTED_COLOUR), "centre of mass as the search predicted it"))
     facts = f"{len(plan.stances)} stances"

@@ -34,6 +34,7 @@ def take_picture(
     time: float | None = None,
     size: tuple[int, int] = (1600, 900),
     legend: bool = True,
+    supports: bool = True,
 ) -> None:
     """Writes a PNG of the page.
 
@@ -43,6 +44,7 @@ def take_picture(
         time: at which the motion is stopped [s]; None lets it play.
         size: width and height in pixels.
         legend: whether the legend is shown.
+        supports: whether the support polygons of the contacts that are held are shown.
 
     Raises:
         InputError: no browser, or it made no picture; a blank one is not noticed here.
@@ -52,7 +54,8 @@ def take_picture(
         raise InputError(f"pictures need Chromium: none of {', '.join(BROWSERS)} is installed (Debian: chromium)")
     picture = Path(picture).resolve()
     picture.unlink(missing_ok=True)
-    options = "still" + ("" if legend else "&bare") + ("" if time is None else f"&t={time}")
+    options = "still" + ("" if legend else "&bare") + ("" if supports else "&supports=0")
+    options += "" if time is None else f"&t={time}"
     with tempfile.TemporaryDirectory(prefix="drakeplan-browser-", ignore_cleanup_errors=True) as profile:
         command = [
             browser,

@@ -22,6 +22,7 @@ pytestmark = [
 SIZE = (1000, 600)
 ENOUGH = 30  # pixels that a contact patch of the plan covers at least
 EFFECTOR_HUES = {"left foot": 0.0, "right foot": 125.0, "left palm": 187.0, "right palm": 308.0}  # [deg]
+SUPPORT_HUE = 55.0  # [deg]; the goal's and the forces' are below 45
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Seen:
     terrain: int
     robot: int
     robot_centre: float  # column
+    supports: int
 
 
 def look(picture: Path) -> Seen:
@@ -51,7 +53,8 @@ def look(picture: Path) -> Seen:
     dark = (high < 0.22) & (chroma < 0.1)  # joints, soles and palms of the robot; nothing else is so dark and so large
     columns = np.nonzero(dark)[1]
     centre = float(columns.mean()) if len(columns) else float("nan")
-    return Seen(contacts, int(stone.sum()), int(dark.sum()), centre)
+    yellow = (chroma > 0.4) & (np.abs(hue - SUPPORT_HUE) < 6)
+    return Seen(contacts, int(stone.sum()), int(dark.sum()), centre, int(yellow.sum()))
 
 
 def shows_the_plan(seen: Seen) -> bool:
@@ -66,9 +69,9 @@ def page(strolling_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
-def picture_of(page: Path, time: float | None = None) -> Seen:
-    png = page.with_suffix(f".{time}.png")
-    take_picture(page, png, time=time, size=SIZE, legend=False)
+def picture_of(page: Path, time: float | None = None, *, supports: bool = True) -> Seen:
+    png = page.with_suffix(f".{time}.{supports}.png")
+    take_picture(page, png, time=time, size=SIZE, legend=False, supports=supports)
     return look(png)
 
 
@@ -80,6 +83,12 @@ def test_terrain_robot_and_contacts_of_every_end_effector_are_in_the_picture(pag
 def test_the_robot_walks_when_time_goes_on(page: Path, strolling_plan: Plan) -> None:
     early, late = picture_of(page, time=0.3), picture_of(page, time=strolling_plan.duration - 0.3)
     assert abs(late.robot_centre - early.robot_centre) > 0.1 * SIZE[0]
+
+
+def test_what_carries_is_seen_through_the_feet_unless_the_layer_is_off(page: Path) -> None:
+    """The soles hide their patches, so that only what is drawn over them can show there."""
+    assert picture_of(page, time=1.0).supports > 3 * ENOUGH
+    assert picture_of(page, time=1.0, supports=False).supports < ENOUGH
 
 
 def test_a_plan_of_contacts_alone_shows_no_robot(strolling_plan: Plan, tmp_path: Path) -> None:

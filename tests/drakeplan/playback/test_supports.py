@@ -1,17 +1,30 @@
-"""Support polygons on the soles."""
+"""Support polygons: on the patches, and through the feet and palms while these are held."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
+import pytest
 from pydrake.geometry import Meshcat
 
 from drakeplan.plan.plan import Plan
+from drakeplan.playback.animation import animate
+from drakeplan.playback.page import finished_page
 from drakeplan.playback.still import ROOT, _prism, draw_still
+from drakeplan.playback.supports import SUPPORTS, held_keys, support_in_world
 from scenes.files.scene_file import scene_from_yaml
+from scenes.robots.robot import load_robot
 
 HEEL = np.array([[-0.03, 0.05], [-0.11, 0.05], [-0.11, -0.05]])
+
+
+def on_the_heel(plan: Plan) -> Plan:
+    """The same plan, but of the sole in row 0 of its contacts only a part carries."""
+    assert plan.contacts.support is not None
+    support = plan.contacts.support.copy()
+    support[0, :3], support[0, 3] = HEEL, np.nan
+    return dataclasses.replace(plan, contacts=dataclasses.replace(plan.contacts, support=support))
 
 
 def test_a_prism_is_closed_and_holds_the_polygons_area_times_its_height() -> None:
@@ -24,11 +37,55 @@ def test_a_prism_is_closed_and_holds_the_polygons_area_times_its_height() -> Non
 
 
 def test_a_contact_on_part_of_its_sole_shows_what_carries(strolling_plan: Plan) -> None:
-    support = strolling_plan.contacts.support.copy()
-    support[0, :3], support[0, 3] = HEEL, np.nan
-    plan = dataclasses.replace(strolling_plan, contacts=dataclasses.replace(strolling_plan.contacts, support=support))
+    plan = on_the_heel(strolling_plan)
     meshcat = Meshcat()
     draw_still(meshcat, plan, scene_from_yaml(plan.scene_yaml, source="plan"))
     name = plan.effectors[plan.contacts.effector[0]]
     assert meshcat.HasPath(f"{ROOT}/contacts/{name}/0/support")
     assert not meshcat.HasPath(f"{ROOT}/contacts/{name}/1/support")
+
+
+def test_a_support_is_in_the_plane_of_its_contact_and_has_its_corners_there(strolling_plan: Plan) -> None:
+    plan = on_the_heel(strolling_plan)
+    for contact in range(len(plan.contacts)):
+        X_WC = plan.contacts.X_WC[contact]
+        p_CS = (support_in_world(plan, contact) - X_WC[:3, 3]) @ X_WC[:3, :3]
+        np.testing.assert_allclose(p_CS[:, 2], 0.0, atol=1e-9)
+        if contact == 0:
+            np.testing.assert_allclose(p_CS[:, :2], HEEL, atol=1e-9)
+        else:
+            half = plan.half_extent[plan.contacts.effector[contact]]
+            np.testing.assert_allclose(np.abs(p_CS[:, :2]), np.tile(half, (4, 1)), atol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [25.0, 3.0])  # more and fewer frames than knots
+def test_a_support_shows_while_its_contact_is_held(strolling_plan: Plan, rate: float) -> None:
+    assert strolling_plan.centroidal is not None
+    t, table = strolling_plan.centroidal.t, strolling_plan.centroidal.contact
+    frame_of_knot = np.round((t - t[0]) * rate).astype(int)
+    last = int(frame_of_knot[-1])
+    some_vanish = False
+    for contact in range(len(strolling_plan.contacts)):
+        keys = held_keys(strolling_plan, contact, rate, last)
+        assert min(keys) == 0
+        assert max(keys) == last  # else its clip would be shorter and repeat earlier
+        for frame in np.unique(frame_of_knot):  # what is played there, against the last knot of the frame
+            played = keys[max(f for f in keys if f <= frame)]
+            knot = np.flatnonzero(frame_of_knot == frame)[-1]
+            assert played == (contact in table[knot])
+        some_vanish |= list(keys.values())[-1] is False
+    assert some_vanish
+
+
+def test_every_contact_of_a_motion_has_its_support_in_one_layer(strolling_plan: Plan) -> None:
+    meshcat = Meshcat()
+    animate(meshcat, strolling_plan, load_robot("escher"))
+    for contact in range(len(strolling_plan.contacts)):
+        assert meshcat.HasPath(f"{SUPPORTS}/{contact}")
+
+
+def test_the_legend_names_supports_of_a_motion_only(strolling_plan: Plan) -> None:
+    scene = scene_from_yaml(strolling_plan.scene_yaml, source="plan")
+    contacts_only = dataclasses.replace(strolling_plan, phases=None, centroidal=None, motion=None)
+    for plan, named in ((strolling_plan, True), (contacts_only, False)):
+        assert ("what carries a foot or palm" in finished_page("<body></body>", plan, scene)) == named

@@ -1,0 +1,73 @@
+"""Shows where a sole or palm really touches while it is held: its support polygon, seen through the foot that stands on it."""
+
+# pydrake's stubs take the first parameter of ndarray for its type, and reject every array.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
+
+from drakeplan.plan.plan import Plan
+from drakeplan.playback.still import ROOT
+from scenes.contact import patch_corners
+
+SUPPORTS = f"{ROOT}/supports"
+SUPPORT_COLOUR = Rgba(1.0, 0.93, 0.0)
+OPACITY = 0.92  # below 1: what is transparent is drawn after all that is not, and so over the foot
+
+
+def animate_supports(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, rate: float, last: int) -> None:
+    """Draws the support polygon of every contact, visible while the contact is held.
+
+    Args:
+        meshcat: to draw in.
+        animation: gets the instants at which polygons appear and vanish.
+        plan: with its momenta, whose knots say which contacts are held.
+        rate: frames of the animation a second.
+        last: number of its last frame.
+    """
+    for contact in range(len(plan.contacts)):
+        path = f"{SUPPORTS}/{contact}"
+        corners = support_in_world(plan, contact)
+        k = np.arange(1, len(corners) - 1)
+        fan = np.stack([np.zeros_like(k), k, k + 1]).astype(np.int32)
+        colour = Rgba(SUPPORT_COLOUR.r(), SUPPORT_COLOUR.g(), SUPPORT_COLOUR.b(), OPACITY)
+        meshcat.SetTriangleMesh(path, corners.T, fan, colour, False, 1.0, Meshcat.SideOfFaceToRender.kDoubleSide)
+        meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)  # else the foot hides it
+        meshcat.SetProperty(f"{path}/<object>", "receiveShadow", False)
+        keys = held_keys(plan, contact, rate, last)
+        meshcat.SetProperty(path, "visible", keys[0])
+        for frame, held in keys.items():
+            animation.SetProperty(frame, path, "visible", held)
+
+
+def support_in_world(plan: Plan, contact: int) -> np.ndarray:
+    """(V, 3) corners in W of what carries a contact, the whole patch where all of it does [m].
+
+    Args:
+        plan: whose contact it is.
+        contact: row of the plan's table of contacts.
+    """
+    corners, X_WC = plan.contacts.corners(contact), plan.contacts.X_WC[contact]
+    if not len(corners):
+        corners = patch_corners(plan.half_extent[plan.contacts.effector[contact]])
+    world: np.ndarray = corners @ X_WC[:3, :2].T + X_WC[:3, 3]
+    return world
+
+
+def held_keys(plan: Plan, contact: int, rate: float, last: int) -> dict[int, bool]:
+    """Whether a contact is held, by frame: at the first, wherever that changes, and at the last, where the animation repeats.
+
+    Args:
+        plan: with its momenta.
+        contact: row of the plan's table of contacts.
+        rate: frames a second.
+        last: number of the last frame.
+    """
+    assert plan.centroidal is not None
+    t = plan.centroidal.t - plan.centroidal.t[0]
+    frames = np.round(t * rate).astype(int).clip(0, last)
+    held = (plan.centroidal.contact == contact).any(axis=1)
+    changes = np.flatnonzero(np.diff(held)) + 1
+    return {int(frames[n]): bool(held[n]) for n in [0, *changes]} | {last: bool(held[-1])}
