@@ -18,7 +18,7 @@ step costs as much per frame as solving the frames one by one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -85,18 +85,10 @@ class MomentumTargets:
             last: number after the last frame.
             fixed: (last - first,) frames that stay as they are: two at each end join the window to what is outside.
         """
-        between = slice(first, last - 1)
-        num = len(self.dt) + 1
-        return replace(
-            self,
-            dt=self.dt[between],
-            momentum=self.momentum[between],
-            weight=self.weight[between],
-            smooth=self.smooth[first:last] if self.smooth.ndim == 2 else self.smooth,
-            v_start=self.v_start if first == 0 else None,
-            v_end=self.v_end if last == num else None,
-            fixed=fixed,
-        )
+        dt, momentum, weight = (array[first : last - 1] for array in (self.dt, self.momentum, self.weight))
+        smooth = self.smooth[first:last] if self.smooth.ndim == 2 else self.smooth
+        v_start, v_end = (self.v_start if first == 0 else None), (self.v_end if last == len(self.dt) + 1 else None)
+        return MomentumTargets(dt, momentum, weight, smooth, self.speed, v_start, v_end, fixed, self.acceleration)
 
 
 @dataclass(frozen=True, eq=False)
