@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,9 @@ from optimization.multibody.kinematics import Kinematics, difference
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
 ACCELERATION = 285.0  # [rad/s^2] of any joint
 CALM_ACCELERATION = 60.0  # [rad/s^2] what motions aim at
+# [N m s] and [kg m/s] of the motion's angular and linear momentum off the plan's: the worst and the RMS
+MOMENTUM = {"angular momentum": (12.0, 2.3), "linear momentum": (36.0, 6.5)}
+CALM_MOMENTUM = {"angular momentum": (6.0, 2.0), "linear momentum": (6.0, 2.0)}  # what motions aim at
 JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
@@ -27,10 +30,11 @@ class Problem:
     """One violation.
 
     Attributes:
-        kind: "held", "com", "speed", "jerk", "acceleration", "self collision", "terrain collision" or "sole collision".
+        kind: "held", "com", "speed", "jerk", "acceleration", "self collision", "terrain collision",
+            "sole collision", "angular momentum" or "linear momentum".
         transition: index of the transition that it belongs to.
         time: where it is worst [s].
-        value: how bad [m, share of a speed limit, rad/s, or rad/s^2].
+        value: how bad [m, share of a speed limit, rad/s, rad/s^2, N m s or kg m/s].
         limit: what is allowed.
         about: bodies, end effector or joint.
         span: times of the first and the last frame of the transition that exceed the limit [s].
@@ -154,6 +158,31 @@ def find_problems(
         ("sole collision", sole, SOLE_PENETRATION),
     ):
         add(kind, met.frame[own], -met.distance[own], limit, [n for n, o in zip(names, own, strict=True) if o])
+    return found
+
+
+def momentum_problems(
+    schedule: Schedule, t: np.ndarray, gap: np.ndarray, limits: Mapping[str, tuple[float, float]]
+) -> list[Problem]:
+    """Where the motion's momenta are off the plan's: the worst moments, and the greatest of all where the RMS is too much.
+
+    Args:
+        schedule: the phases.
+        t: (T,) times [s].
+        gap: (T - 1, 6) angular and linear momentum between frames less those of the plan [N m s, kg m/s].
+        limits: of the worst and of the RMS, by kind.
+    """
+    found = []
+    for kind, columns in (("angular momentum", gap[:, :3]), ("linear momentum", gap[:, 3:])):
+        size, (worst, mean) = np.linalg.norm(columns, axis=1), limits[kind]
+        if not len(size):
+            continue
+        rms, most = float(np.sqrt(np.mean(size**2))), int(size.argmax())
+        if size[most] > worst or rms > mean:
+            value, limit = max((float(size[most]), worst), (rms, mean), key=lambda pair: pair[0] / pair[1])
+            over = t[1:][size > 0.5 * size[most]]
+            k, time = int(transition_of(schedule, t[most : most + 1])[0]), float(t[most])
+            found.append(Problem(kind, k, time, value, limit, "model", (float(over.min()), float(over.max()))))
     return found
 
 

@@ -1,4 +1,4 @@
-"""Where a motion needs more weight on what it did not keep: contacts, CoM, distances between bodies, calm joints."""
+"""Where a motion needs more weight on what it did not keep: contacts, CoM, momenta, distances between bodies, calm joints."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ WEIGHT_OF = {
     "self collision": "apart",
     "terrain collision": "apart",
     "sole collision": "apart",
+    "angular momentum": "follow",
+    "linear momentum": "follow",
 }
 
 
@@ -30,6 +32,7 @@ class Emphasis:
         com: (T,) of the CoM.
         calm: (T,) of accelerations.
         apart: (T,) of distances between bodies.
+        follow: (T,) of momenta.
     """
 
     def __init__(self, t: np.ndarray) -> None:
@@ -39,7 +42,7 @@ class Emphasis:
             t: (T,) times of the frames [s].
         """
         self._t = t
-        self.hold, self.com, self.calm, self.apart = (np.ones(len(t)) for _ in range(4))
+        self.hold, self.com, self.calm, self.apart, self.follow = (np.ones(len(t)) for _ in range(5))
 
     def stress(self, problems: Sequence[Problem]) -> np.ndarray:
         """Raises the weights near each problem, once for each kind; (T,) the frames that are concerned.

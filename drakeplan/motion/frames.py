@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from drakeplan.deadline import Deadline
-from drakeplan.motion.check import ACCELERATION, CALM_ACCELERATION, Problem, excess, find_problems, mean_velocities
+from drakeplan.motion.check import (
+    ACCELERATION,
+    CALM_ACCELERATION,
+    CALM_MOMENTUM,
+    MOMENTUM,
+    Problem,
+    excess,
+    find_problems,
+    mean_velocities,
+    momentum_problems,
+)
 from drakeplan.motion.course_dynamics import BOX, ComCourse, SequenceDynamics, monotone_course
 from drakeplan.motion.emphasis import Emphasis
 from drakeplan.motion.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
-from drakeplan.motion.proximity import KEEP, Encounters, ProximityMonitor
+from drakeplan.motion.proximity import KEEP, Encounters
+from drakeplan.motion.setting import Setting
 from drakeplan.motion.targets import (
     FAINT,
     Detour,
@@ -32,13 +42,10 @@ from drakeplan.timing.phases import MOVE, Schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.inverse_kinematics.frame_task import TrackingTargets, frame_targets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.kinodynamic.alternation import alternate
 from optimization.kinodynamic.joint_torques import TorqueRows
 from optimization.kinodynamic.momentum_gap import Gap, MomentumGap
 from optimization.kinodynamic.momentum_tracking import MomentumTargets, motion_momentum, motion_poses
-from scenes.robots.robot import Robot
-from scenes.terrain.packed_terrain import PackedTerrain
 
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most
@@ -64,33 +71,6 @@ WIDER_ARMS, MOST_SPREAD = 0.03, 0.13  # [m] how much further free arms keep away
 ROUGH = ("jerk", "acceleration")  # problems of smoothness
 DOING = "during the motion"  # for the message of a deadline
 HIGHER, WIDER, MOST_RAISED = 0.04, 0.02, 0.20  # [m] what a swing that hits something gains each time, and at most
-
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """The robot, terrain and options shared by all motions of a query.
-
-    Attributes:
-        robot: whose.
-        ik: its inverse kinematics.
-        monitor: its distances to itself and the terrain.
-        packed: the terrain.
-        rate: frames per second [Hz].
-        clearance: margin of swinging feet and palms to the terrain [m].
-        effort: (nv - 6,) greatest joint torques [N m].
-        deadline: of the query.
-        feedback: whether dynamics and motion are made to agree.
-    """
-
-    robot: Robot
-    ik: WholeBodyIK
-    monitor: ProximityMonitor
-    packed: PackedTerrain
-    rate: int
-    clearance: float
-    effort: np.ndarray
-    deadline: Deadline
-    feedback: bool = True
 
 
 class MotionFrames:
@@ -202,13 +182,13 @@ class MotionFrames:
 
         Joints are calmed beyond what is required, as far as a few repairs bring it.
         """
-        wrong = self._problems(CALM_ACCELERATION)
+        wrong = self._problems(calm=True)
         for _ in range(MENDS):
             if not 0.0 < excess(wrong) < MENDABLE:
                 break
             before = self._answer, self._momentum, self._met
             self._settle(self._emphasis.stress(wrong))
-            after = self._problems(CALM_ACCELERATION)
+            after = self._problems(calm=True)
             if excess(after) >= excess(wrong):
                 self._answer, self._momentum, self._met = before
                 break
@@ -307,7 +287,7 @@ class MotionFrames:
         return MomentumTargets(
             dt=np.full(num - 1, 1.0 / self.setting.rate),
             momentum=momentum_course(self.trajectory, com, self.t, self.tree.total_mass),
-            weight=np.tile(np.repeat(FOLLOW, 3), (num - 1, 1)) * self.setting.feedback,
+            weight=np.outer(self._emphasis.follow[1:], np.repeat(FOLLOW, 3)) * self.setting.feedback,
             smooth=np.repeat(CALM * self._emphasis.calm[:, None], nv, axis=1),
             speed=GENTLE * self.tree.speed,
             v_start=np.zeros(nv),
@@ -330,12 +310,15 @@ class MotionFrames:
 
     def _gap(self, com: np.ndarray, momentum: np.ndarray) -> MomentumGap:
         """CoM (T, 3) and momenta (T - 1, 6) of the motion less those of the dynamics, linear between its knots."""
+        gap = self._momentum_gap(momentum)
+        away = com - at_times(self.trajectory.t, self.trajectory.com, self.t)
+        return MomentumGap(Gap.of(away), Gap.of(gap[:, 3:]), Gap.of(gap[:, :3]))
+
+    def _momentum_gap(self, momentum: np.ndarray) -> np.ndarray:
+        """(T - 1, 6) angular and linear momentum of the motion less those of the dynamics."""
         c, middle = self.trajectory, 0.5 * (self.t[1:] + self.t[:-1])
-        return MomentumGap(
-            Gap.of(com - at_times(c.t, c.com, self.t)),
-            Gap.of(momentum[:, 3:] - at_times(c.t, c.linear_momentum, middle)),
-            Gap.of(momentum[:, :3] - at_times(c.t, c.angular_momentum, middle)),
-        )
+        planned = [at_times(c.t, h, middle) for h in (c.angular_momentum, c.linear_momentum)]
+        return momentum - np.hstack(planned)
 
     def _feed_spin_back(self) -> bool:
         """The dynamics once more, with the motion's own angular momentum and, where they bind, its joint torques."""
@@ -444,6 +427,12 @@ class MotionFrames:
         off |= any(p.kind in ROUGH for p in problems)
         return before != (self._apart, self._spread) or detours != self._detours or off
 
-    def _problems(self, acceleration: float = ACCELERATION) -> list[Problem]:
+    def _problems(self, *, calm: bool = False) -> list[Problem]:
+        """What exceeds its limit; where `calm` also what exceeds the aims of a calm motion."""
         com = at_times(self.trajectory.t, self.trajectory.com, self.t)
-        return find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met, acceleration)
+        most = CALM_ACCELERATION if calm else ACCELERATION
+        found = find_problems(self.setting.ik.kinematics, self.schedule, self.t, self.q, com, self._met, most)
+        if not self.setting.feedback:
+            return found
+        limits = CALM_MOMENTUM if calm else MOMENTUM
+        return found + momentum_problems(self.schedule, self.t, self._momentum_gap(self._momentum), limits)

@@ -18,10 +18,11 @@ import numpy as np
 from drakeplan.context import QueryContext
 from drakeplan.motion.check import Problem, excess, velocities
 from drakeplan.motion.course_dynamics import ComCourse, SequenceDynamics
-from drakeplan.motion.frames import ROUGH, MotionFrames, Setting
+from drakeplan.motion.frames import ROUGH, MotionFrames
 from drakeplan.motion.free_timing import effort, free_durations
 from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
+from drakeplan.motion.setting import Setting
 from drakeplan.motion.targets import plan_swings
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.timing.phases import Schedule, make_schedule
