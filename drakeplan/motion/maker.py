@@ -102,6 +102,7 @@ class MotionResult:
         problems: what is left.
         gaps: momenta of the motion less those of the dynamics, after each iteration of the two.
         torque: greatest joint torque under the planned contact forces; None without a motion.
+        blocked: whether a foot or palm has no way past the terrain: known before anything is solved.
         alike: whether every transition fails for one cause, so that other contacts of the same kind would not help.
 
     Args:
@@ -123,6 +124,7 @@ class MotionResult:
     gaps: tuple[MomentumGap, ...] = ()
     torque: TorqueNeed | None = None
     alike: bool = False
+    blocked: bool = False
 
 
 class MotionMaker:
@@ -216,7 +218,7 @@ class MotionMaker:
             timings["dynamics_s"] += time.perf_counter() - began
             mover = self.robot.effectors[schedule.phases[2 * blocked[0] + 1].mover].name
             reason = f"no way for the {mover} past the terrain in transition {', '.join(map(str, blocked[:3]))}"
-            return MotionResult(False, reason, tuple(blocked), schedule, timings=timings)
+            return MotionResult(False, reason, tuple(blocked), schedule, timings=timings, blocked=True)
         tell(ProgressEvent("dynamics", f"key postures of {len(schedule.stances)} stances"))
         keys = solve_key_postures(
             self.robot, self.setting.ik, schedule, self.regions, self.setting.monitor, com_course=com_course

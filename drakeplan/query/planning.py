@@ -15,7 +15,7 @@ from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
 from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
 from drakeplan.query.options import PlanOptions, check_options, with_options
-from drakeplan.query.query import Query
+from drakeplan.query.query import Query, Rest
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.refusal import Refusal
 from drakeplan.query.relaxations import needed_friction
@@ -38,6 +38,7 @@ MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search re
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
 PALMS_SHARE = 0.6  # of the deadline after which the feet are tried alone where palms brought no verified plan
+RESTING_SHARE = 0.4  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
 FEET_SHARE = 0.5  # of what is left then for searching with the feet alone
 FEET_REPAIRS = 3  # of what they find
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
@@ -89,7 +90,7 @@ def plan_scene(
             return PlanResult("none", reason, None, report, notes=tuple(record.notes))
     spared = _may_spare_palms(context, options)
     first = context.until(context.deadline.part(PALMS_SHARE)) if spared and options.expansions is None else context
-    result = _attempt(first, options, dynamics, record, tell)
+    result = _at_rest_or_moving(first, options, dynamics, record, tell)
     if spared and result.status != "complete" and not context.deadline.why():
         result = _feet_alone(context, options, dynamics, record, tell) or result
     hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
@@ -130,17 +131,54 @@ def _load_kernels(context: QueryContext, tell: Progress) -> None:
         patience.cancel()
 
 
-def _attempt(
+def _at_rest_or_moving(
     context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
 ) -> PlanResult:
-    """One query with these dynamics; learned ones that the user did not ask for leave time for another."""
+    """One query with these dynamics; where learned ones know no way over places to rest, quasi-static ones are asked.
+
+    Learned dynamics refuse some of what a slow robot does near the limits of balance. A way that keeps moving, without
+    a place to rest, is what the motion stage can follow least often: it is asked for last.
+    """
+    if not _may_fall_back(context, options, dynamics):
+        return _attempt(context, options, dynamics, record, tell)
+    result = _attempt(context, options, dynamics, record, tell, rest="only")
+    if result.status != "none" or not record.expansions or context.deadline.why():
+        return result
+    tell(ProgressEvent("search", "no way with learned dynamics and places to rest; planned with quasi-static dynamics"))
+    resting = _attempt(context, options, "quasi-static", record, tell, share=RESTING_SHARE)
+    if resting.status == "complete" or context.deadline.why():
+        return resting
+    return _attempt(context, options, dynamics, record, tell, rest="never")
+
+
+def _attempt(
+    context: QueryContext,
+    options: PlanOptions,
+    dynamics: DynamicsName,
+    record: QueryRecord,
+    tell: Progress,
+    *,
+    rest: Rest = "first",
+    share: float = 1.0,
+) -> PlanResult:
+    """One query with these dynamics; learned ones that the user did not ask for leave time for another.
+
+    Args:
+        context: of the query.
+        options: what the user chose.
+        dynamics: what the search asks of transitions.
+        record: numbers of the whole query.
+        tell: told what goes on.
+        rest: whether places to rest are asked for.
+        share: of the time that is left, for searching.
+    """
     record.dynamics = dynamics if planner_entry(options.planner).judges_transitions else ""
     planner = make_planner(options.planner, context, _planner_options(context, options, dynamics))
     reason = planner.start_problem()
     if reason:
         return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
-    query = Query(context, options, planner, record, tell)
-    search_for = max(context.deadline.left() - reserve(options), 0.0)
+    query = Query(context, options, planner, record, tell, rest)
+    search_for = record.planning_s + share * max(context.deadline.left() - reserve(options), 0.0)
     if options.dynamics is None and dynamics == "learned":
         return query.run(search_for / 2, TRIED_REPAIRS)
     return query.run(search_for, MAX_REPAIRS)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import time
 from functools import cached_property
+from typing import Literal
 
 from drakeplan.contact_planning.contact_plan import ContactPlan
 from drakeplan.contact_planning.planner import ContactPlanner, planner_entry
@@ -36,6 +37,8 @@ from scenes.stance import Stance
 
 # Times a limit of the motion stage that its worst problem may be; the verifier's own limits are a little wider.
 WORTH_VERIFYING = 1.3
+MAX_BLOCKED = 40  # refusals of swings that have no way past the terrain: they cost nothing and are no repairs
+Rest = Literal["first", "only", "never"]
 STATIC_SHARE = 0.5  # of the time for searching after which a search that also asks for static balance gives up
 
 
@@ -47,7 +50,13 @@ class Query:
     """
 
     def __init__(
-        self, context: QueryContext, options: PlanOptions, planner: ContactPlanner, record: QueryRecord, tell: Progress
+        self,
+        context: QueryContext,
+        options: PlanOptions,
+        planner: ContactPlanner,
+        record: QueryRecord,
+        tell: Progress,
+        rest: Rest = "first",
     ) -> None:
         """Begins a query.
 
@@ -57,9 +66,10 @@ class Query:
             planner: finds the contacts.
             record: numbers of the query; kept up to date.
             tell: told what goes on.
+            rest: whether the robot shall be able to rest between transitions: asked for at first, always or never.
         """
         self.context, self.options, self.planner = context, options, planner
-        self.record, self.tell = record, tell
+        self.record, self.tell, self.rest = record, tell, rest
         self.refusal: Refusal | None = None
         self._sequence: ContactPlan | None = None  # the one whose motion is made
         self._infeasible: Refusal | None = None  # the last sequence whose whole dynamics were infeasible
@@ -91,8 +101,9 @@ class Query:
             return self._incomplete()
 
     def _repeat(self, search_for: float, max_repairs: int) -> PlanResult:
-        self.planner.require_static_balance(True)
-        for _ in range(max_repairs + 1):
+        self.planner.require_static_balance(self.rest != "never")
+        repairs = 0
+        for _ in range(max_repairs + MAX_BLOCKED):
             sequence = self._sequence = self._search(search_for)
             if sequence is None:
                 break
@@ -103,7 +114,8 @@ class Query:
             self.refusal = Refusal.of_motion(sequence, motion, verification)
             if motion.alike:  # the robot cannot walk as it is described: other contacts fail as these do
                 break
-            if not self._bar(self.refusal):
+            repairs += not motion.blocked
+            if repairs > max_repairs or not self._bar(self.refusal):
                 break
         return self._incomplete()
 
@@ -115,8 +127,9 @@ class Query:
         Dynamics alone allow what the legs can often not follow; a robot that can also rest at both ends of each transition
         can nearly always be moved. Once a sequence without rest was needed the search does not go back.
         """
-        sequence = self._last_feasible(self._incumbents(STATIC_SHARE * search_for if not self._rounds else search_for))
-        if sequence is None and self.planner.require_static_balance(False):
+        resting = not self._rounds and self.rest != "never"
+        sequence = self._last_feasible(self._incumbents(STATIC_SHARE * search_for if resting else search_for))
+        if sequence is None and self.rest == "first" and self.planner.require_static_balance(False):
             sequence = self._last_feasible(self._incumbents(search_for))
         if sequence is not None:
             contacts, _ = tabulate_stances(sequence.stances)
@@ -192,7 +205,7 @@ class Query:
             self.options.keep(self._assemble(sequence, None), self.record.as_dict("contacts", "", None))
         self.tell(ProgressEvent("dynamics", f"{len(stances)} stances", sequence.cost, sequence.bound))
         motion = self._motion.run(stances, self.tell)
-        if motion.centroidal is None and stances in self._courses:
+        if motion.centroidal is None and not motion.blocked and stances in self._courses:
             moving = self._motion.run(stances, self.tell, self._courses[stances])
             motion = min(moving, motion, key=lambda m: (not m.ok, m.centroidal is None, excess(m.problems)))
         record.dynamics_s += motion.timings.get("dynamics_s", 0.0)

@@ -23,6 +23,7 @@ from scenes.terrain.solids import in_solid
 
 COVER_GAP = 0.003  # [m] what rises less than this above a patch does not cover it
 FOOT_CLEARANCE = 0.09  # [m] height over the sole that the foot itself fills
+LEG_CLEARANCE = 0.2  # [m] height over the sole that must be free for the foot to come and go, and for the shin over it
 PALM_CLEARANCE = 0.05  # [m] the same for a hand
 PATCH_MARGIN = 1e-4  # [m] patches stay this far inside, so that rounding in files never puts them outside
 
@@ -64,7 +65,7 @@ class Placements(NamedTuple):
 def patch_shape(spec: EffectorSpec) -> PatchShape:
     """The room that an end effector of a robot takes; palms take none beyond their patch."""
     overhang = spec.overhang if is_foot(spec.name) else (0.0, 0.0, 0.0)
-    return PatchShape(*spec.half_extent, *overhang, FOOT_CLEARANCE if is_foot(spec.name) else PALM_CLEARANCE)
+    return PatchShape(*spec.half_extent, *overhang, LEG_CLEARANCE if is_foot(spec.name) else PALM_CLEARANCE)
 
 
 def no_placements(n: int) -> Placements:
