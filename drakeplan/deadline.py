@@ -49,11 +49,13 @@ class Deadline:
         seconds: allowed altogether; None for as long as it takes.
         stop: asked now and then; True ends the query.
         used: seconds of these that were used before the clock started.
+        whole: the deadline that this one is a part of; None for a whole one.
     """
 
     seconds: float | None = None
     stop: Callable[[], bool] | None = None
     used: float = 0.0
+    whole: Deadline | None = None
     _began: float | None = None
     _compiled: float = 0.0
 
@@ -69,7 +71,7 @@ class Deadline:
         """
         if self.seconds is None:
             return self
-        return replace(self, seconds=self.seconds - (1.0 - share) * self.left())
+        return replace(self, seconds=self.seconds - (1.0 - share) * self.left(), whole=self.whole or self)
 
     def left(self) -> float:
         """Seconds that remain, 0 when the time is over; inf without a limit."""

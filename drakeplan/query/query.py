@@ -220,7 +220,8 @@ class Query:
         """The plan and the verifier's report on it; neither where too much is wrong with the motion already."""
         if not motion.ok and not 0.0 < excess(motion.problems) <= WORTH_VERIFYING:
             return None, None
-        self.context.deadline.check("before the verification")
+        deadline = self.context.deadline
+        (deadline.whole or deadline).check("before the verification")  # a motion that is made is worth the whole's time
         plan = self._assemble(sequence, motion)
         self.tell(ProgressEvent("verify", "", self.record.cost, self.record.bound))
         began = time.perf_counter()

@@ -5,8 +5,9 @@ Only polygons in the grid cells around a shape are looked at, so that a query co
 the robot costs, however large or fine the rest is.
 
 Where shape and polygon overlap, the way out is the shortest of those along the polygon's outward normal and across its
-edges, for a plate also through its back (the directions of its sides in the separating axis test: an upper bound on the
-depth, exact where a side of the polygon is the nearest).
+edges, for a plate also through its back (the directions of its sides in the separating axis test), and of the one that
+parts the two when they are shrunk (`way_out`), which is best where an edge lies across a shape's face: an upper bound on
+the depth, exact where a side of the polygon is the nearest.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.
@@ -19,11 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from optimization.multibody.convex_distance import hull_distance
+from optimization.multibody.convex_distance import hull_distance, way_out
 from optimization.multibody.kinematic_tree import KinematicTree, forward
 from optimization.multibody.robot_shapes import RobotShapes
 from optimization.multibody.terrain_clearance import in_link, may_touch, place
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
+
+
+SHALLOW = 0.002  # [m] overlaps of less need no better way out
 
 
 class TerrainPairs(NamedTuple):
@@ -170,7 +174,17 @@ def shape_distance(
             n[r] = (p_A[r] - p_B[r]) / gap
             p_A[r] -= radius * n[r]
         return gap - radius
-    return _way_out_of(packed, k, A, num_a, radius, depth, p_A, p_B, n)
+    out = -_way_out_of(packed, k, A, num_a, radius, depth, p_A, p_B, n)
+    if out > SHALLOW:
+        other_A, other_B, u = np.empty(3), np.empty(3), np.empty(3)
+        other = way_out(A, num_a, B, num_b, other_A, other_B, u) + radius
+        if other < out:
+            out = other
+            for r in range(3):
+                n[r] = u[r]
+                p_A[r] = other_A[r] - radius * u[r]
+                p_B[r] = p_A[r] + other * u[r]
+    return -out
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.multibody.convex_distance import hull_distance, way_out
 from optimization.multibody.robot_shapes import read_shapes
 from optimization.multibody.self_distance import near_itself
-from optimization.multibody.terrain_distance import near_terrain
+from optimization.multibody.terrain_distance import near_terrain, shape_distance
 from scenes.library import NAMED_SCENES
 from scenes.robots.plant import build_plant
 from scenes.robots.robot import Robot, load_robot
@@ -163,6 +163,21 @@ def test_a_foot_in_a_plate_leaves_along_the_normal_and_points_are_in_their_frame
     R, p = ik.kinematics.link_poses(q[0])
     for s, (p_L, p_W) in zip(hit.shape, hit.point, strict=True):
         np.testing.assert_allclose(R[shapes.link[s]] @ p_L + p[shapes.link[s]], p_W - [0, 0, 0.004], atol=1e-9)
+
+
+def test_a_foot_on_the_edge_of_a_leaning_plate_is_as_deep_as_the_edge_and_moved_so_far_it_is_free() -> None:
+    """The plate's face leans under the foot by centimetres; only its edge is millimetres over the sole."""
+    corners = [[-0.05, 0.67, -0.123], [-0.47, 0.29, -0.18], [-0.07, -0.06, -0.005], [0.255, 0.373, 0.018]]
+    packed = pack_terrain(Terrain((Surface("plate", np.array(corners), 0.5),)))
+    foot = np.array([[x, y, z] for x in (-0.11, 0.11) for y in (-0.05, 0.05) for z in (0.0, 0.09)])
+    corner = np.array(corners[2:])
+    inside = np.linspace(*corner, 200)
+    inside = inside[(np.abs(inside[:, 0]) < 0.11) & (np.abs(inside[:, 1]) < 0.05)]
+    p_A, p_B, n = np.zeros(3), np.zeros(3), np.zeros(3)
+    depth = -shape_distance(packed, 0, foot, 8, 0.0, 0.1, np.empty((12, 3)), p_A, p_B, n)
+    assert inside[:, 2].max() - 1e-6 < depth < inside[:, 2].max() + 0.004
+    moved = foot + (depth + 1e-6) * n
+    assert -shape_distance(packed, 0, moved, 8, 0.0, 0.1, np.empty((12, 3)), p_A, p_B, n) < 1e-5
 
 
 def test_a_polygon_far_away_costs_nothing_and_is_not_met(escher: Robot) -> None:
