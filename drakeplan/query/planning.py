@@ -15,7 +15,7 @@ from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
 from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
 from drakeplan.query.options import PlanOptions, check_options, with_options
-from drakeplan.query.query import Query, Rest
+from drakeplan.query.query import STATIC_SHARE, Query, Rest
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.refusal import Refusal
 from drakeplan.query.relaxations import needed_friction
@@ -38,7 +38,7 @@ MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search re
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
 PALMS_SHARE = 0.6  # of the deadline after which the feet are tried alone where palms brought no verified plan
-RESTING_SHARE = 0.4  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
+RESTING_SHARE = 0.6  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
 FEET_SHARE = 0.5  # of what is left then for searching with the feet alone
 FEET_REPAIRS = 3  # of what they find
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
@@ -141,7 +141,7 @@ def _at_rest_or_moving(
     """
     if not _may_fall_back(context, options, dynamics):
         return _attempt(context, options, dynamics, record, tell)
-    result = _attempt(context, options, dynamics, record, tell, rest="only")
+    result = _attempt(context, options, dynamics, record, tell, rest="only", share=STATIC_SHARE)
     if result.status != "none" or not record.expansions or context.deadline.why():
         return result
     tell(ProgressEvent("search", "no way with learned dynamics and places to rest; planned with quasi-static dynamics"))
@@ -178,10 +178,9 @@ def _attempt(
     if reason:
         return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
     query = Query(context, options, planner, record, tell, rest)
-    search_for = record.planning_s + share * max(context.deadline.left() - reserve(options), 0.0)
-    if options.dynamics is None and dynamics == "learned":
-        return query.run(search_for / 2, TRIED_REPAIRS)
-    return query.run(search_for, MAX_REPAIRS)
+    tried = options.dynamics is None and dynamics == "learned"
+    search_for = (0.5 if tried else 1.0) * share * max(context.deadline.left() - reserve(options), 0.0)
+    return query.run(search_for, TRIED_REPAIRS if tried else MAX_REPAIRS)
 
 
 def _may_spare_palms(context: QueryContext, options: PlanOptions) -> bool:

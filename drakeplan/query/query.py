@@ -76,6 +76,9 @@ class Query:
         # CoM of the sequences whose whole dynamics are feasible
         self._courses: dict[tuple[Stance, ...], ComCourse] = {}
         self._clock, self._rounds = SearchClock(), 0
+        self._may_move_on = (
+            False  # whether a sequence without places to rest is asked for where there is none with them
+        )
 
     @cached_property
     def _motion(self) -> MotionMaker:
@@ -101,10 +104,10 @@ class Query:
             return self._incomplete()
 
     def _repeat(self, search_for: float, max_repairs: int) -> PlanResult:
-        self.planner.require_static_balance(self.rest != "never")
-        repairs = 0
+        self._may_move_on = self.planner.require_static_balance(self.rest != "never") and self.rest == "first"
+        began, repairs = self.record.planning_s, 0
         for _ in range(max_repairs + MAX_BLOCKED):
-            sequence = self._sequence = self._search(search_for)
+            sequence = self._sequence = self._search(began, search_for)
             if sequence is None:
                 break
             motion = self._make_motion(sequence)
@@ -121,16 +124,16 @@ class Query:
 
     # 1 Search ------------------------------------------------------------------------------------------------------
 
-    def _search(self, search_for: float) -> ContactPlan | None:
+    def _search(self, began: float, search_for: float) -> ContactPlan | None:
         """The best sequence whose whole dynamics are feasible; without static balance where there is none with it.
 
         Dynamics alone allow what the legs can often not follow; a robot that can also rest at both ends of each transition
         can nearly always be moved. Once a sequence without rest was needed the search does not go back.
         """
-        resting = not self._rounds and self.rest != "never"
-        sequence = self._last_feasible(self._incumbents(STATIC_SHARE * search_for if resting else search_for))
-        if sequence is None and self.rest == "first" and self.planner.require_static_balance(False):
-            sequence = self._last_feasible(self._incumbents(search_for))
+        share = STATIC_SHARE if self._may_move_on and not self._rounds else 1.0
+        sequence = self._last_feasible(self._incumbents(began + share * search_for))
+        if sequence is None and self._may_move_on and self.planner.require_static_balance(False):
+            sequence = self._last_feasible(self._incumbents(began + search_for))
         if sequence is not None:
             contacts, _ = tabulate_stances(sequence.stances)
             self.record.cost, self.record.bound = sequence.cost, sequence.bound
@@ -138,10 +141,10 @@ class Query:
             self.record.palms_used = sequence.palms_used
         return sequence
 
-    def _incumbents(self, search_for: float) -> list[ContactPlan]:
-        """The sequences of one round of search, best last."""
+    def _incumbents(self, until: float) -> list[ContactPlan]:
+        """The sequences of one round of search, best last; it ends where the record has so many seconds of search."""
         limits = Limits(
-            deadline=max(min(search_for - self.record.planning_s, self.context.deadline.left()), 0.0),
+            deadline=max(min(until - self.record.planning_s, self.context.deadline.left()), 0.0),
             expansions=self.options.expansions,
             improve=self._improve_for() if not self._rounds else 0.0,
             stop=self.options.stop,

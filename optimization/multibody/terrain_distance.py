@@ -26,7 +26,6 @@ from optimization.multibody.robot_shapes import RobotShapes
 from optimization.multibody.terrain_clearance import in_link, may_touch, place
 from scenes.terrain.packed_terrain import PackedTerrain, cells_under, in_cells
 
-
 SHALLOW = 0.002  # [m] overlaps of less need no better way out
 
 
