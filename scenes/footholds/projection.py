@@ -363,7 +363,7 @@ def set_down(
         overhang: how far the foot reaches beyond its patch to the front, to the back and to each side [m].
     """
     placed, window = no_placements(1), (float(z_range[0]), float(z_range[1]))
-    patch = PatchShape(*half_extent, *overhang, FOOT_CLEARANCE)
+    patch = PatchShape(*half_extent, *overhang, LEG_CLEARANCE)
     project_feet(packed, EFFECTORS.index(effector), np.array([[x, y, yaw]], float), window, patch, placed)
     surface = int(placed.surface[0])
     if surface < 0:

@@ -225,7 +225,7 @@ def test_snapped_steps_cross_ground_where_fixed_ones_find_nothing() -> None:
     for footholds in crossed:
         for seed in (1, 3, 4):
             domain, start, _ = random_surfaces(footholds, seed)
-            search = AnaStar(domain, start, limits=Limits(expansions=200), alike=domain.alike, patience=1.0)
+            search = AnaStar(domain, start, limits=Limits(expansions=600), alike=domain.alike, patience=1.0)
             crossed[footholds] += next(search.run(), None) is not None
     assert crossed["snapped"] == 3
     assert crossed["fixed"] < 3
