@@ -179,11 +179,11 @@ def track_momentum(
             if expected is None:
                 damping = max(10.0 * damping, FIRST_DAMPING)
                 continue
-            if expected < tolerance * cost and damping == 0.0:  # a full step would end it anyway
-                return TrackedMotion(q, normal.momentum, normal.com, normal.effector_error, taken, cost)
             new = _assemble(tree, frames, between, trial, other)
             if new < cost:
                 break
+            if expected < tolerance * cost and damping == 0.0:  # nothing worth a damped step is left
+                return TrackedMotion(q, normal.momentum, normal.com, normal.effector_error, taken, cost)
             damping = max(10.0 * damping, FIRST_DAMPING)
         else:
             break

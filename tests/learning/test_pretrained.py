@@ -85,7 +85,7 @@ def test_on_scenes_never_seen_the_networks_are_as_good_as_their_card_says(surrog
     """
     assert surrogate.card["data"]["seed"] != NEW_SEED
     campaign = DynamicsCampaign(walk=WalkOptions(quota=4, max_states=40))
-    rows = [r for k in range(6) for r in campaign.rows(np.random.SeedSequence(NEW_SEED, spawn_key=(0, k)), k)]
+    rows = [r for k in range(9) for r in campaign.rows(np.random.SeedSequence(NEW_SEED, spawn_key=(0, k)), k)]
     labels = LabelledTransitions.from_dataset(Dataset(rows_table(SCHEMA, rows), {}))
     says, truth = surrogate.predict(labels.batch), labels.feasible
     measured = next(fit for fit in surrogate.card["measured"]["categories"] if fit["category"] == -1)
