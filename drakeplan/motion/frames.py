@@ -169,6 +169,7 @@ class MotionFrames:
                     break
                 gaps = (*gaps[:-1], self._settle(widened(moved, WINDOW)))
             problems = self._mend()
+            gaps = (*gaps[:-1], self._gap(*motion_momentum(self.tree, self.q, np.diff(self.t))))
             stuck = bool(tried) and excess(problems) > PROGRESS * min(excess(one[0]) for one in tried)
             tried.append((problems, self.trajectory, self._answer, gaps))
             if not problems or stuck or not self._try_harder(problems):
