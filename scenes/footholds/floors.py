@@ -48,7 +48,8 @@ def floors_at(
 ) -> tuple[Floor, ...]:
     """The floors that take a sole at a point, lowest first.
 
-    Surfaces less than the torso's height apart are one floor, at the height of the highest: nobody stands between them.
+    Surfaces that take a sole less than the torso's height apart are one floor, at the height of the highest: nobody
+    stands between them.
 
     Args:
         packed: the terrain.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from scenes.contact import Contact, contact_pose
@@ -15,7 +15,7 @@ from scenes.files.scene_file import read_scene, scene_to_yaml
 from scenes.files.scene_source import load_scene
 from scenes.footholds.floors import Z_WINDOW, by_preference, floors_at, has_head_room
 from scenes.footholds.goal_footholds import nobody_fits
-from scenes.footholds.projection import set_down
+from scenes.footholds.projection import LEG_CLEARANCE, set_down
 from scenes.footholds.start_stance import check_goal, floor_notes, start_stance
 from scenes.input_error import InputError
 from scenes.pose import pose_matrix
@@ -52,14 +52,17 @@ def ends(terrain: Terrain, start: Place, goal: Place, radius: float = 0.2) -> tu
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.floats(0.1, 3.0), min_size=0, max_size=5))
+@example([0.5, 0.125, 0.15])  # nobody stands on the two in the middle
 def test_floors_are_the_levels_that_no_torso_s_height_joins_to_a_higher_one(gaps: list[float]) -> None:
     heights = np.concatenate([[0.0], np.cumsum(gaps)])
-    gaps = [*gaps, np.inf]
-    if any(abs(gap - limit) < 1e-3 for gap in gaps for limit in (KNEE, TOP)):
-        return
+    over = np.array([*gaps, np.inf])  # [m] free over each surface
+    takes_a_sole = over > LEG_CLEARANCE
+    levels, over = heights[takes_a_sole], over[takes_a_sole]
+    apart = np.diff(levels, append=np.inf)
+    assume(all(np.abs(np.concatenate([over, apart]) - limit).min() > 1e-3 for limit in (LEG_CLEARANCE, KNEE, TOP)))
     packed = pack_terrain(Terrain(tuple(slab(f"s{k}", z) for k, z in enumerate(heights))))
     floors = floors_at(packed, ROBOT, 0.0, 0.0, 0.0)
-    expected = [(z, gap > TOP) for z, gap in zip(heights, gaps, strict=True) if gap >= KNEE]
+    expected = [(z, room > TOP) for z, room, gap in zip(levels, over, apart, strict=True) if gap >= KNEE]
     assert [f.z for f in floors] == pytest.approx([z for z, _ in expected])
     assert [f.head_room for f in floors] == [room for _, room in expected]
     assert all(a.high == b.low for a, b in itertools.pairwise(floors))

@@ -7,7 +7,7 @@ import pytest
 
 from scenes.files.scene_source import load_scene
 from scenes.footholds.projection import (
-    FOOT_CLEARANCE,
+    LEG_CLEARANCE,
     PALM_CLEARANCE,
     PatchShape,
     no_placements,
@@ -22,7 +22,7 @@ from scenes.terrain.terrain import Terrain
 from scenes.transition_model import transition_model
 
 HALF = (0.11, 0.05)
-SOLE = PatchShape(*HALF, 0.0, 0.0, 0.0, FOOT_CLEARANCE)
+SOLE = PatchShape(*HALF, 0.0, 0.0, 0.0, LEG_CLEARANCE)
 PALM = PatchShape(0.045, 0.045, 0.0, 0.0, 0.0, PALM_CLEARANCE)
 STEPS = transition_model().steps
 SNAP = Snap(apart=0.0, enough=len(STEPS) + 1)  # everything moves, and no duplicate is dropped
