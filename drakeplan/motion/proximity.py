@@ -125,7 +125,10 @@ class ProximityMonitor:
         self._tree, self.packed = kinematics.tree, packed
         self._shapes, self._names = read_shapes(robot_plant, kinematics)
         self._polygon_names = polygon_names(terrain) if terrain is not None else ()
-        self._nominal = nominal_distances(robot_plant.robot)
+        thicker: dict[str, float] = {}
+        for name, more in zip(self._names, self._shapes.thicker.tolist(), strict=True):
+            thicker[name] = max(more, thicker.get(name, 0.0))
+        self._nominal = nominal_distances(robot_plant.robot).less(thicker)
 
     def near(self, q: np.ndarray, frames: Iterable[int], distance: float) -> Encounters:
         """Every pair closer than a distance in the given frames.

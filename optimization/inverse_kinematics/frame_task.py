@@ -309,43 +309,25 @@ def distance_row(
 
 
 @njit(cache=True)
-def _add_distances(
-    tree: KinematicTree,
-    frame: FrameTask,
-    R: np.ndarray,
-    p: np.ndarray,
-    row: np.ndarray,
-    columns: np.ndarray,
-    H: np.ndarray,
-    g: np.ndarray,
-) -> None:
-    """Inequalities d + J v >= wanted as equalities d + J v - slack = wanted, slack >= 0, in the least-squares sense."""
-    nv = frame.posture_weight.shape[0]
-    J, rows = np.empty((6, nv)), frame.rows
-    for r in range(frame.first, frame.last):
-        d = distance_row(tree, rows, r, R, p, J, row)
-        w = rows.weight[r]
-        for i in range(nv):
-            row[i] *= w
-        row[nv:] = 0.0
-        row[nv + r - frame.first] = -w
-        _add_row(H, g, row, w * (rows.wanted[r] - d), columns)
-
-
-@njit(cache=True)
-def missing_distances(tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray) -> float:
-    """The part of the cost that the distances have which fall short.
+def hinges(
+    tree: KinematicTree, frame: FrameTask, R: np.ndarray, p: np.ndarray, J_d: np.ndarray, missing: np.ndarray
+) -> float:
+    """Writes how the distances fall short, linearised: w (d* - d) - w J v; returns their part of the cost.
 
     Args:
         tree: of the robot.
         frame: what the frame should do.
         R, p: (n, 3, 3) and (n, 3) poses of the links in W [m].
+        J_d: (num, nv) written: w J of each distance of the frame.
+        missing: (num,) written: w (d* - d), negative where there is more than enough.
     """
-    rows, cost, at = frame.rows, 0.0, np.empty((2, 3))
+    J, cost = np.empty((6, J_d.shape[1])), 0.0
     for r in range(frame.first, frame.last):
-        missing = rows.wanted[r] - pair_distance(tree, R, p, rows.link[r], rows.point[r], rows.normal[r], at)
-        if missing > 0.0:
-            cost += (rows.weight[r] * missing) ** 2
+        k, w = r - frame.first, frame.rows.weight[r]
+        d = distance_row(tree, frame.rows, r, R, p, J, J_d[k])
+        J_d[k] *= w
+        missing[k] = w * (frame.rows.wanted[r] - d)
+        cost += max(missing[k], 0.0) ** 2
     return cost
 
 
@@ -388,9 +370,7 @@ def normal_equations(
     g: np.ndarray,
     errors: FrameErrors,
 ) -> float:
-    """Gauss-Newton's H (upper triangle) and g at q, the errors there, and the cost without distances.
-
-    Where H has room for them, slacks of the distances come last; where it has not, distances are left out.
+    """Gauss-Newton's H (upper triangle) and g at q, the errors there, and the cost, all without distances.
 
     Args:
         tree: of the robot.
@@ -422,6 +402,4 @@ def normal_equations(
         H[i, i] += w * w + DAMPING
         g[i] += w * w * row[i]
         cost += (w * row[i]) ** 2
-    if g.shape[0] > nv:
-        _add_distances(tree, frame, R, p, row, columns, H, g)
     return cost

@@ -8,7 +8,7 @@ Each frame minimises over q
     + sum_r w_r^2 max(0, d_r* - d_r)^2                          pairs of bodies that must keep a distance
     s.t.   joint limits
 
-by Gauss-Newton with the bounds kept in every step (`box_qp`). The optimum does not depend on the frames before it, only
+by Gauss-Newton with the bounds kept in every step (`hinge_qp`). The optimum does not depend on the frames before it, only
 on q_ref, so a motion neither drifts nor jerks where targets and q_ref are smooth: weighted inverse kinematics (Nakamura
 1991, ch. 4) solved to convergence in each frame instead of one velocity step.
 """
@@ -20,13 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from optimization.convex.box_qp import solve_box_qp
+from optimization.convex.hinge_qp import solve_hinge_qp
 from optimization.inverse_kinematics.frame_task import (
     FrameErrors,
     FrameTask,
     TrackingTargets,
     frame_tasks,
-    missing_distances,
+    hinges,
     normal_equations,
     task_of_frame,
 )
@@ -93,24 +93,25 @@ def _solve_frame(tree: KinematicTree, frame: FrameTask, q: np.ndarray, max_itera
     Where `PATIENCE` of them bring nothing better, as near a stretched limb, the frame goes on from the best so far with
     damped steps that have to descend (Levenberg 1944, Marquardt 1963).
     """
-    nv, n = frame.posture_weight.shape[0], tree.parent.shape[0]
+    nv, n, num = frame.posture_weight.shape[0], tree.parent.shape[0], frame.last - frame.first
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    m = nv + frame.last - frame.first  # a slack for each distance
-    H, g, dv = np.empty((m, m)), np.empty(m), np.zeros(m)
-    best_H, best_g, best_q, best = H.copy(), g.copy(), q.copy(), np.inf
-    damping, climbing = 0.0, 0
-    low, high, side = np.zeros(m), np.full(m, np.inf), np.zeros(m, np.int64)
+    H, g, J, missing, dv = np.empty((nv, nv)), np.empty(nv), np.empty((num, nv)), np.empty(num), np.zeros(nv)
+    best_H, best_g, best_J, best_missing, best_q = H.copy(), g.copy(), J.copy(), missing.copy(), q.copy()
+    best, damping, climbing = np.inf, 0.0, 0
+    low, high, side = np.zeros(nv), np.zeros(nv), np.zeros(nv, np.int64)
+    if max_iterations > 0:
+        _clamp(q, frame.lower, frame.upper)
     for it in range(max_iterations + 1):
         forward(tree, q, R, p)
-        cost = normal_equations(tree, frame, R, p, q, H, g, errors) + missing_distances(tree, frame, R, p)
+        cost = normal_equations(tree, frame, R, p, q, H, g, errors) + hinges(tree, frame, R, p, J, missing)
         if cost < best:
-            best_H[:], best_g[:], best_q[:], best = H, g, q, cost
+            best_H[:], best_g[:], best_J[:], best_missing[:], best_q[:], best = H, g, J, missing, q, cost
             damping, climbing = (0.1 * damping if damping > FIRST_DAMPING else 0.0), 0
         else:
             climbing += 1
             if damping > 0.0 or climbing >= PATIENCE or it == max_iterations:
                 damping = max(10.0 * damping, FIRST_DAMPING)
-                H[:], g[:], q[:] = best_H, best_g, best_q
+                H[:], g[:], J[:], missing[:], q[:] = best_H, best_g, best_J, best_missing, best_q
         if it == max_iterations or damping > MOST_DAMPING:
             if climbing > 0:
                 forward(tree, q, R, p)
@@ -118,12 +119,11 @@ def _solve_frame(tree: KinematicTree, frame: FrameTask, q: np.ndarray, max_itera
             return it
         for i in range(nv):
             H[i, i] *= 1.0 + damping
-            low[i], high[i] = -STEP, STEP
+            low[i], high[i], dv[i] = -STEP, STEP, 0.0
             if i >= 6:
-                low[i] = min(max(low[i], frame.lower[i - 6] - q[i + 1]), STEP)
-                high[i] = max(min(high[i], frame.upper[i - 6] - q[i + 1]), low[i])
-        if solve_box_qp(H, g, low, high, m, side, dv, 80) < 0:
-            side[:] = 0
+                low[i] = min(max(low[i], frame.lower[i - 6] - q[i + 1]), 0.0)
+                high[i] = max(min(high[i], frame.upper[i - 6] - q[i + 1]), 0.0)
+        solve_hinge_qp(H, g, J, missing, low, high, side, dv, 80)
         integrate(q, dv, 1.0, q)
         biggest = 0.0
         for i in range(nv):

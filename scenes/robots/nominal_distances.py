@@ -9,7 +9,7 @@ between them than the nominal one has.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -45,6 +45,16 @@ class NominalDistances:
         if nominal is None:
             return np.inf
         return min(SHARE * nominal, nominal - SLACK, closest if nominal < BY_DESIGN else np.inf)
+
+    def less(self, thicker: Mapping[str, float]) -> NominalDistances:
+        """What is left of them between bodies that are drawn too large.
+
+        Args:
+            thicker: by how much, by the body's name [m].
+        """
+        return NominalDistances(
+            {(a, b): d - thicker.get(a, 0.0) - thicker.get(b, 0.0) for (a, b), d in self.distance.items()}
+        )
 
     def at_most(self, pairs: Sequence[tuple[str, str]], asked: np.ndarray, closest: float = np.inf) -> np.ndarray:
         """(R,) the distances asked of these pairs, none greater than its limit [m].
