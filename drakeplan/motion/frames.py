@@ -156,12 +156,7 @@ class MotionFrames:
         self._lead_palms()
         tried: list[tuple[list[Problem], CentroidalTrajectory, TrackedPostures, tuple[MomentumGap, ...]]] = []
         for _ in range(rounds):
-            self._look()
-            self._keep_apart(CLOSE)
-            for _ in range(FEEDBACKS):
-                if not self._feed_back():
-                    break
-                self._keep_apart(CLOSE)
+            self._follow()
             gaps = self._agree()
             for _ in range(SMOOTHINGS):
                 moved = self._keep_apart(TOUCHING)
@@ -177,6 +172,17 @@ class MotionFrames:
             self._restart()
         problems, self.trajectory, self._answer, self.gaps = min(tried, key=lambda one: excess(one[0]))
         return problems
+
+    def _follow(self) -> None:
+        """Where the CoM cannot be followed the dynamics learn of it; bodies are moved apart when that has settled."""
+        for _ in range(FEEDBACKS - 1):
+            if not self._feed_back():
+                break
+        self._look()
+        self._keep_apart(CLOSE)
+        if self._feed_back():
+            self._look()
+            self._keep_apart(CLOSE)
 
     def _mend(self) -> list[Problem]:
         """Solves the frames about each problem once more, with more weight on what was not kept; what is left.
@@ -406,7 +412,6 @@ class MotionFrames:
             return False
         self._box = box
         self._restart()
-        self._look()
         return True
 
     def _try_harder(self, problems: Sequence[Problem]) -> bool:
