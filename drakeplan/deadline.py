@@ -109,4 +109,4 @@ class Deadline:
         """
         if self.why() == "cancelled":
             return f"stopped {doing}"
-        return f"the deadline of {self.seconds:g} s ended {doing}"
+        return f"the deadline of {(self.whole or self).seconds:g} s ended {doing}"

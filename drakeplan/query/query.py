@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import time
-from functools import cached_property
 from typing import Literal
 
 from drakeplan.contact_planning.contact_plan import ContactPlan
@@ -75,19 +74,28 @@ class Query:
         self._infeasible: Refusal | None = None  # the last sequence whose whole dynamics were infeasible
         # CoM of the sequences whose whole dynamics are feasible
         self._courses: dict[tuple[Stance, ...], ComCourse] = {}
+        self._makers: dict[bool, MotionMaker] = {}
         self._clock, self._rounds = SearchClock(), 0
         self._may_move_on = (
             False  # whether a sequence without places to rest is asked for where there is none with them
         )
 
-    @cached_property
-    def _motion(self) -> MotionMaker:
-        """The motion stage, made when the first sequence needs it."""
-        timing = self.options.timing
-        wanted = MotionOptions(
-            dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing, free=timing.free
-        )
-        return MotionMaker(self.context, wanted)
+    def _maker(self, sequence: ContactPlan) -> MotionMaker:
+        """The motion stage, made when the first sequence needs it.
+
+        What may have a part of the deadline alone, because the feet could walk past, has the whole of it where it uses no
+        palms: the feet would walk no other way.
+        """
+        whole = self.context.deadline.whole if not sequence.palms_used else None
+        maker = self._makers.get(whole is None)
+        if maker is None:
+            timing = self.options.timing
+            wanted = MotionOptions(
+                dt=timing.step or MotionOptions.dt, shift=timing.shift, swing=timing.swing, free=timing.free
+            )
+            context = self.context if whole is None else self.context.until(whole)
+            maker = self._makers[whole is None] = MotionMaker(context, wanted)
+        return maker
 
     def run(self, search_for: float, max_repairs: int) -> PlanResult:
         """The verified plan, or the result of the step that failed.
@@ -207,9 +215,10 @@ class Query:
         if self.options.keep is not None:
             self.options.keep(self._assemble(sequence, None), self.record.as_dict("contacts", "", None))
         self.tell(ProgressEvent("dynamics", f"{len(stances)} stances", sequence.cost, sequence.bound))
-        motion = self._motion.run(stances, self.tell)
+        maker = self._maker(sequence)
+        motion = maker.run(stances, self.tell)
         if motion.centroidal is None and not motion.blocked and stances in self._courses:
-            moving = self._motion.run(stances, self.tell, self._courses[stances])
+            moving = maker.run(stances, self.tell, self._courses[stances])
             motion = min(moving, motion, key=lambda m: (not m.ok, m.centroidal is None, excess(m.problems)))
         record.dynamics_s += motion.timings.get("dynamics_s", 0.0)
         record.motion_s += motion.timings.get("motion_s", 0.0)
