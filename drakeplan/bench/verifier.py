@@ -39,8 +39,9 @@ OPTIONS = {
     "hpp/darpa": PlanOptions(start=(-3.6, 0.0, 0.0), goal=(3.9, 0.0)),
 }
 ONCE = ("wide_gap in one stride", "hpp/darpa")  # beside the named scenes
-OTHER_ROBOTS = tuple(
-    ("jvrc1", name) for name in ("flat", "stairs", "rubble_field", "rubble_corridor", "wide_gap", "tilted_slab")
+OTHER_ROBOTS = (
+    *(("jvrc1", name) for name in ("flat", "stairs", "rubble_field", "rubble_corridor", "wide_gap", "tilted_slab")),
+    *((robot, name) for robot in ("g1", "talos") for name in ("flat", "stairs", "rubble_corridor")),
 )
 
 
@@ -60,7 +61,7 @@ class Judged:
 
 
 def run(options: BenchOptions) -> BenchTable:
-    """Named scenes with seeds 0 to 4, two more once, then another robot; each row has the worst of its seeds."""
+    """Named scenes with seeds 0 to 4, two more once, then other robots; each row has the worst of its seeds."""
     cases = [(options.robot, name) for name in (*NAMED_SCENES, *ONCE)] + list(OTHER_ROBOTS)
     rows: list[tuple[object, ...]] = []
     limits: dict[str, float] = {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from drakeplan.context import QueryContext
 from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
+from drakeplan.query.first_compilation import compile_beside
 from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
 from drakeplan.query.options import PlanOptions, check_options, with_options
 from drakeplan.query.query import STATIC_SHARE, Query, Rest
@@ -33,7 +33,6 @@ from scenes.transition_model import transition_model
 
 _WARM: set[str] = set()  # robots whose kernels this process has loaded
 SURELY_HELD = np.cos(np.pi / 8)  # share of the friction that the octagon inside Coulomb's cone has in every direction
-COMPILING = 5.0  # [s] after which loading kernels must be compiling them
 MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
@@ -121,14 +120,9 @@ def _with_time_left(tell: Progress, deadline: Deadline) -> Progress:
 
 def _load_kernels(context: QueryContext, tell: Progress) -> None:
     """Loads what is compiled, and says so where it has to be compiled first."""
-    note = ProgressEvent("load", "compiling kernels, once on this machine: one to two minutes")
-    patience = threading.Timer(COMPILING, tell, [note])
-    patience.daemon = True
-    patience.start()
-    try:
+    note = ProgressEvent("load", "compiling kernels, once on this machine: two to four minutes")
+    with compile_beside(context.robot, lambda: tell(note)):
         warm_up(context.robot, context.ik)
-    finally:
-        patience.cancel()
 
 
 def _at_rest_or_moving(

@@ -7,7 +7,8 @@ import numpy as np
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
-from drakeplan.motion.maker import MotionMaker, MotionOptions
+from drakeplan.motion.maker import MotionMaker
+from drakeplan.query.first_compilation import COARSE
 from drakeplan.search.ana_star import Limits
 from learning.surrogate import load_surrogate
 from learning.weights import WeightsError
@@ -20,8 +21,6 @@ from scenes.scene import Goal, Scene, Start
 from scenes.stance import Stance
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box, Terrain
-
-COARSE = MotionOptions(rate=10, rounds=1, attempts=1)  # every kernel, few frames
 
 
 def warm_up(robot: Robot, ik: WholeBodyIK) -> None:

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.geometry import Convex, GeometryId, GeometryInstance, ProximityProperties, Role
 from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
 
 from .faces import Faces
 from .limits import (
@@ -51,10 +52,10 @@ def check_collisions(
     limits["sole and palm collision"] = SOLE_PENETRATION
     nothing = (0.0, "nowhere") if len(boxes.body) else (np.nan, "the model has no collision shapes")
     worst: dict[str, tuple[float, str]] = dict.fromkeys(limits, nothing)
-    faces, owners = Faces(plan, scene), _owners(robot)
+    faces, owners, context = Faces(plan, scene), _owners(robot), robot.diagram.CreateDefaultContext()
     for start in range(0, len(X_WB) if len(boxes.body) else 0, BLOCK):
         frames = slice(start, min(start + BLOCK, len(X_WB)))
-        _penetrate(plan, robot, owners, _solids(faces, boxes, X_WB[frames]), frames, worst)
+        _penetrate(plan, robot, context, owners, _solids(faces, boxes, X_WB[frames]), frames, worst)
     for name, (depth, where) in worst.items():
         sheet.add(name, depth, limits[name], "m", where)
 
@@ -124,6 +125,7 @@ def _owners(robot: RobotModel) -> dict[GeometryId, Owner]:
 def _penetrate(
     plan: PlanFile,
     robot: RobotModel,
+    context: Context,
     owners: dict[GeometryId, Owner],
     solids: Sequence[tuple[str, np.ndarray]],
     frames: slice,
@@ -135,16 +137,16 @@ def _penetrate(
     small triangle may come out as 17 mm. Depths that would matter are asked again as signed distances.
     """
     plant, scene_graph = robot.plant, robot.scene_graph
-    context = robot.diagram.CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     scene_context = scene_graph.GetMyMutableContextFromRoot(context)
-    owner = dict(owners)
+    source, world = plant.get_source_id(), scene_graph.world_frame_id()
+    added: dict[GeometryId, Owner] = {}
     for k, (name, points) in enumerate(solids):
         instance = GeometryInstance(RigidTransform(), Convex(points.T, "solid"), f"solid {k}")
         instance.set_proximity_properties(ProximityProperties())
         with contextlib.suppress(RuntimeError):  # no hull: corners in one plane, to Drake's eyes
-            source, world = plant.get_source_id(), scene_graph.world_frame_id()
-            owner[scene_graph.RegisterGeometry(scene_context, source, world, instance)] = (True, False, name)
+            added[scene_graph.RegisterGeometry(scene_context, source, world, instance)] = (True, False, name)
+    owner = owners | added
     port, t = scene_graph.get_query_output_port(), plan["motion/t"]
     for k, q in enumerate(plan["motion/q"][frames], start=frames.start):
         plant.SetPositions(plant_context, q)
@@ -162,3 +164,5 @@ def _penetrate(
                     depth = min(depth, -query.ComputeSignedDistancePairClosestPoints(pair.id_A, pair.id_B).distance)
             if depth > worst[kind][0]:
                 worst[kind] = (depth, f"frame {k}, t = {t[k]:.3f} s, {label_a} in {label_b}")
+    for solid in added:  # the context serves the next frames; making one takes longer than they do
+        scene_graph.RemoveGeometry(scene_context, source, solid)
