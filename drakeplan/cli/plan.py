@@ -42,6 +42,7 @@ examples:
   drakeplan plan stones.yaml --friction 0.4 --deadline 10 --json
   drakeplan plan rubble_field --dynamics quasi-static --html plan.html
   drakeplan plan stairs --planner footsteps
+  drakeplan plan stairs --first --out stairs.h5
 
 Ctrl-C ends it with the best contacts so far (--keep-partial writes them); Ctrl-C again aborts.
 
@@ -110,6 +111,8 @@ class Arguments:
     do not count"""
     improve: float = 1.0
     """time for improvement after the first plan [s]"""
+    first: bool = False
+    """the first verified plan, not improved"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
     no_palms: bool = False
@@ -242,7 +245,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         timing=Timing(arguments.shift, arguments.swing, arguments.free_timing),
         transition_model=arguments.transition_model,
         deadline=arguments.deadline,
-        improve=arguments.improve,
+        improve=0.0 if arguments.first else arguments.improve,
         expansions=arguments.expansions,
         use_palms=not arguments.no_palms,
         full_soles=arguments.full_soles,

@@ -21,6 +21,7 @@ from drakeplan.query.refusal import Refusal
 from drakeplan.query.relaxations import needed_friction
 from drakeplan.query.result import PlanResult
 from drakeplan.query.warm_up import warm_up
+from drakeplan.search.ana_star import Limits
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
@@ -38,6 +39,7 @@ RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept b
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
 PALMS_SHARE = 0.6  # of the deadline after which the feet are tried alone where palms brought no verified plan
 RESTING_SHARE = 0.6  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
+SCOUTING = 3.0  # [s] at most for finding out whether a way has places to rest
 FEET_SHARE = 0.5  # of what is left then for searching with the feet alone
 FEET_REPAIRS = 3  # of what they find
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
@@ -174,10 +176,26 @@ def _attempt(
     reason = planner.start_problem()
     if reason:
         return PlanResult("none", reason, None, record.as_dict("none", reason, None), notes=tuple(record.notes))
+    if dynamics == "exact" and rest == "first" and not _has_rests(context, options):
+        rest = "never"
     query = Query(context, options, planner, record, tell, rest)
     tried = options.dynamics is None and dynamics == "learned"
     search_for = (0.5 if tried else 1.0) * share * max(context.deadline.left() - reserve(options), 0.0)
     return query.run(search_for, TRIED_REPAIRS if tried else MAX_REPAIRS)
+
+
+def _has_rests(context: QueryContext, options: PlanOptions) -> bool:
+    """Whether a short quasi-static search finds a way.
+
+    Exact dynamics with places to rest ask for all that quasi-static dynamics ask for, and a program for each transition
+    beside it: where there is no such way, they look for it a hundred times longer.
+    """
+    if not planner_entry(options.planner).judges_transitions:
+        return True
+    scout = make_planner(options.planner, context, _planner_options(context, options, "quasi-static"))
+    seconds = min(SCOUTING, 0.1 * context.deadline.left()) if options.expansions is None else None
+    limits = Limits(deadline=seconds, expansions=options.expansions, improve=0.0, stop=options.stop)
+    return next(iter(scout.plans(limits)), None) is not None
 
 
 def _may_spare_palms(context: QueryContext, options: PlanOptions) -> bool:

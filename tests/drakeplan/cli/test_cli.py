@@ -409,7 +409,7 @@ def test_flat_ground_is_planned_verified_written_and_verified_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "flat.h5"
-    status = main(["plan", "flat", "--expansions", "500", "--improve", "0", "--out", str(out), "--json"])
+    status = main(["plan", "flat", "--expansions", "500", "--first", "--out", str(out), "--json"])
     said = capsys.readouterr()
     report = json.loads(said.out)
     assert status == 0, said.err
