@@ -1,5 +1,5 @@
 # make plan    plans across a rubble corridor and across the DARPA rubble mesh, verifies both and writes playback pages
-# make test    runs the tests (no torch), two at a time (JOBS=2);  make test-train  installs torch and runs what is marked train
+# make test    compiles all kernels, then runs the tests (no torch), two at a time (JOBS=2);  make test-train  installs torch and runs what is marked train
 # make lint    ruff and pyright;  make bench  the tables of docs/benchmarks.md;  make clean  forgets the environment
 # Every target makes .venv when it is missing. PYTHON picks the interpreter (3.11 or newer).
 
@@ -20,6 +20,7 @@ plan: .venv/.plan
 	$(BIN)/drakeplan plan hpp/darpa --start -3.6 0 0 --goal 3.9 0 --out $(OUT)/darpa.h5 --html $(OUT)/darpa.html
 
 test: .venv/.dev
+	$(BIN)/drakeplan warm-up
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not train"
 
 test-train: .venv/.train

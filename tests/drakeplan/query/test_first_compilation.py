@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from drakeplan.query import first_compilation
-from drakeplan.query.first_compilation import compile_beside, compile_motion
+from drakeplan.query.first_compilation import compile_beside, compile_the_rest
 from scenes.robots.robot import load_robot
 
 
@@ -53,4 +53,4 @@ def test_no_helper_where_loading_is_quick_or_there_is_one_core(
 
 @pytest.mark.parametrize("name", ["escher", "jvrc1"])
 def test_what_the_helper_does_makes_a_motion(name: str) -> None:
-    compile_motion(name)
+    compile_the_rest(name)
