@@ -16,12 +16,12 @@ from optimization.multibody.kinematics import Kinematics, difference
 
 # Slightly tighter than the verifier's limits: the verifier uses Drake, this check uses our own kinematics.
 HELD, COM, PENETRATION, SOLE_PENETRATION = 4e-3, 0.018, 4e-3, 9e-3  # [m]
-ACCELERATION = 285.0  # [rad/s^2] of any joint
+ACCELERATION = 140.0  # [rad/s^2] of any joint
 CALM_ACCELERATION = 60.0  # [rad/s^2] what motions aim at
 # [N m s] and [kg m/s] of the motion's angular and linear momentum off the plan's: the worst and the RMS
-MOMENTUM = {"angular momentum": (12.0, 2.3), "linear momentum": (36.0, 6.5)}
+MOMENTUM = {"angular momentum": (9.0, 2.3), "linear momentum": (32.0, 6.5)}
 CALM_MOMENTUM = {"angular momentum": (6.0, 2.0), "linear momentum": (6.0, 2.0)}  # what motions aim at
-JUMP = 0.36  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
+JUMP = 0.09  # [rad/s, m/s] of a frame's mean velocity beyond the velocities at its ends
 SPEED_SHARE = 0.98  # of the joints' speed limits
 
 

@@ -372,7 +372,8 @@ def test_a_smooth_corruption_is_caught_by_momenta_or_accelerations_alone(good: P
     with h5py.File(path, "r+") as file:
         corrupt(file)
     report = verify(path)
-    assert expected <= set(report.failed) <= MOTION, report.table()
+    sudden = {"velocities"} if "joint accelerations" in expected else set()  # it begins from one frame to the next
+    assert expected <= set(report.failed) <= MOTION | sudden, report.table()
 
 
 def test_shoulders_that_swing_in_antiphase_all_the_time_are_caught_where_they_add_2_9_to_the_angular_momentum(
