@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from drakeplan.motion.proximity import Encounters
 from drakeplan.timing.phases import Schedule
 from optimization.inverse_kinematics.frame_task import LEVER
-from optimization.kinodynamic.momentum_tracking import motion_poses
+from optimization.kinodynamic.measured_motion import motion_poses
 from optimization.multibody.kinematics import Kinematics, difference
 
 # Slightly tighter than the verifier's limits: the verifier uses Drake, this check uses our own kinematics.

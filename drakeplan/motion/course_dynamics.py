@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,6 +115,7 @@ class SequenceDynamics:
         spin: np.ndarray,
         box: np.ndarray | None = None,
         torques: TorqueRows | None = None,
+        time_limit: float = np.inf,
     ) -> tuple[CentroidalTrajectory | None, str]:
         """A feasible trajectory near the reference, or the reason why there is none.
 
@@ -122,7 +124,9 @@ class SequenceDynamics:
             spin: (N, 3) angular momentum to stay near [N m s].
             box: (N, 3) half widths of hard bounds around it [m]; without, the pull gives way where `BOX` is too small.
             torques: limits of the joint torques, kept where that is possible.
+            time_limit: seconds after which no further convex program is started.
         """
+        ends = time.perf_counter() + time_limit
         first = (1.0, BOX if box is None else box)
         tries = [first]
         if box is None:
@@ -130,7 +134,7 @@ class SequenceDynamics:
         reason = ""
         for pull, half, rows in [(*first, torques)] * (torques is not None) + [(*each, None) for each in tries]:
             problem = self.problem(reference, spin, half)
-            estimate = self._program(pull, problem, rows).solve()
+            estimate = self._program(pull, problem, rows).solve(ends - time.perf_counter())
             if estimate.feasible:
                 self._last = estimate.trajectory
                 return estimate.trajectory, ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -44,8 +45,9 @@ from optimization.inverse_kinematics.frame_task import TrackingTargets, frame_ta
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.kinodynamic.alternation import alternate
 from optimization.kinodynamic.joint_torques import TorqueRows
+from optimization.kinodynamic.measured_motion import motion_momentum, motion_poses
 from optimization.kinodynamic.momentum_gap import Gap, MomentumGap
-from optimization.kinodynamic.momentum_tracking import MomentumTargets, motion_momentum, motion_poses
+from optimization.kinodynamic.momentum_tracking import MomentumTargets
 
 SEEN = 0.05  # [m] pairs of bodies nearer than this are watched
 APART, MOST_APART = 0.02, 0.05  # [m] distance that pairs are asked to keep, at first and at most
@@ -128,10 +130,11 @@ class MotionFrames:
         return self._solve(self._at_knots(momentum[:, :3]) * self.setting.feedback, None)
 
     def _solve(self, spin: np.ndarray, box: np.ndarray | None, torques: TorqueRows | None = None) -> str:
+        self.setting.deadline.check(DOING)
         began = time.perf_counter()
         follow = monotone_course if self._com_course is None else self._com_course.meeting
         reference = follow(self._course.t, self._course.com, self._knots)
-        trajectory, reason = self._dynamics.solve(reference, spin, box, torques)
+        trajectory, reason = self._dynamics.solve(reference, spin, box, torques, self.setting.deadline.left())
         self.dynamics_s += time.perf_counter() - began
         if trajectory is not None:
             self.trajectory, self._spin = trajectory, spin
@@ -262,7 +265,8 @@ class MotionFrames:
         q_ref = smoothed(self.q, SMEAR * self.setting.rate)
         targets, links = self._joint_targets(q_ref, com), self._links(com)
         start, solved = (q_ref, np.ones(num, dtype=bool)) if where is None else (self.q, where)
-        q = track_windows(self.tree, targets, links, start, solved, max_iterations=STEPS, tolerance=ENOUGH)
+        check = partial(self.setting.deadline.check, DOING)
+        q = track_windows(self.tree, targets, links, start, solved, max_iterations=STEPS, tolerance=ENOUGH, check=check)
         self._targets = targets
         reached, self._momentum = motion_momentum(self.tree, q, np.diff(self.t))
         nothing = np.zeros(self._held.shape)

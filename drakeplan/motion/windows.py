@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from optimization.inverse_kinematics.frame_task import TrackingTargets, window_targets
@@ -20,6 +22,7 @@ def track_windows(
     *,
     max_iterations: int,
     tolerance: float,
+    check: Callable[[], None] = lambda: None,
 ) -> np.ndarray:
     """(T, nq) the motion, with the marked frames solved; each stretch of them is a program of its own.
 
@@ -31,13 +34,17 @@ def track_windows(
         where: (T,) bool, the frames to solve.
         max_iterations: of Gauss-Newton, each stretch.
         tolerance: relative decrease of the cost at which it ends.
+        check: called now and then; it may raise.
     """
     q = q.copy()
     for first, last in stretches(where):
         a, b = max(first - JOIN, 0), min(last + JOIN, len(q))
         fixed = ~where[a:b]
         part, joints = window_targets(targets, a, b), links.window(a, b, fixed)
-        q[a:b] = track_momentum(tree, part, joints, q[a:b], max_iterations=max_iterations, tolerance=tolerance).q
+        solved = track_momentum(
+            tree, part, joints, q[a:b], max_iterations=max_iterations, tolerance=tolerance, check=check
+        )
+        q[a:b] = solved.q
     return q
 
 

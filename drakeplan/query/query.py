@@ -76,9 +76,9 @@ class Query:
         self._courses: dict[tuple[Stance, ...], ComCourse] = {}
         self._makers: dict[bool, MotionMaker] = {}
         self._clock, self._rounds = SearchClock(), 0
-        self._may_move_on = (
-            False  # whether a sequence without places to rest is asked for where there is none with them
-        )
+        # whether a sequence without places to rest is asked for where there is none with them
+        self._may_move_on = False
+        self._rests = False  # whether the search with learned dynamics asks for places to rest
 
     def _maker(self, sequence: ContactPlan) -> MotionMaker:
         """The motion stage, made when the first sequence needs it.
@@ -113,6 +113,7 @@ class Query:
 
     def _repeat(self, search_for: float, max_repairs: int) -> PlanResult:
         self._may_move_on = self.planner.require_static_balance(self.rest != "never") and self.rest == "first"
+        self._rests = self.rest != "never" and self.record.dynamics == "learned"
         began, repairs = self.record.planning_s, 0
         for _ in range(max_repairs + MAX_BLOCKED):
             sequence = self._sequence = self._search(began, search_for)
@@ -141,6 +142,7 @@ class Query:
         share = STATIC_SHARE if self._may_move_on and not self._rounds else 1.0
         sequence = self._last_feasible(self._incumbents(began + share * search_for))
         if sequence is None and self._may_move_on and self.planner.require_static_balance(False):
+            self._rests = False
             sequence = self._last_feasible(self._incumbents(began + search_for))
         if sequence is not None:
             contacts, _ = tabulate_stances(sequence.stances)
@@ -165,7 +167,7 @@ class Query:
                 self.record.time_to_first_s = plan.elapsed
             self.tell(ProgressEvent("search", "", plan.cost, plan.bound, plan.expansions, self._clock() - began))
             found.append(plan)
-            if plan.predicted_com is not None and not self._courses:
+            if self._needs_test(plan) and not self._courses:
                 self._whole_sequence_feasible(plan)
         self.record.planning_s += self._clock() - began
         counts = self.planner.counts()
@@ -185,9 +187,13 @@ class Query:
     def _last_feasible(self, found: list[ContactPlan]) -> ContactPlan | None:
         """The last sequence whose whole dynamics are feasible, from the last to the first (Lin et al. 2019 sec. VI)."""
         for plan in reversed(found):
-            if plan.predicted_com is None or self._whole_sequence_feasible(plan):
+            if not self._needs_test(plan) or self._whole_sequence_feasible(plan):
                 return plan
         return None
+
+    def _needs_test(self, plan: ContactPlan) -> bool:
+        """Whether its transitions may be feasible one by one alone; between places to rest one does not depend on another."""
+        return plan.predicted_com is not None and not self._rests
 
     def _whole_sequence_feasible(self, plan: ContactPlan) -> bool:
         """Whether transitions that are feasible one by one are so in a row (Lin et al. 2019 sec. VI)."""
@@ -217,7 +223,8 @@ class Query:
         self.tell(ProgressEvent("dynamics", f"{len(stances)} stances", sequence.cost, sequence.bound))
         maker = self._maker(sequence)
         motion = maker.run(stances, self.tell)
-        if motion.centroidal is None and not motion.blocked and stances in self._courses:
+        moves = motion.centroidal is None and not motion.blocked and sequence.predicted_com is not None
+        if moves and self._whole_sequence_feasible(sequence):
             moving = maker.run(stances, self.tell, self._courses[stances])
             motion = min(moving, motion, key=lambda m: (not m.ok, m.centroidal is None, excess(m.problems)))
         record.dynamics_s += motion.timings.get("dynamics_s", 0.0)

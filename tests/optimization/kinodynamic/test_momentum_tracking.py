@@ -9,12 +9,11 @@ import pytest
 
 from optimization.inverse_kinematics.frame_task import DistanceRows, TrackingTargets, window_targets
 from optimization.inverse_kinematics.posture_tracking import track_postures
+from optimization.kinodynamic.measured_motion import motion_momentum, motion_poses
 from optimization.kinodynamic.momentum_tracking import (
     ACCELERATION_WEIGHT,
     SPEED_WEIGHT,
     MomentumTargets,
-    motion_momentum,
-    motion_poses,
     track_momentum,
 )
 from optimization.multibody.kinematics import Kinematics
