@@ -49,6 +49,7 @@ MOST_POINTS = 256  # corners of all parts under one sole; where there are more t
 WIGGLE = 0.08  # [m] a sole may move this far to have more of itself supported
 WIGGLES = 2
 GAIN = 1.02  # factor of area for which it moves
+NEAR_EDGE = 2e-3  # [m] what a sole that leans touches is this near to a polygon's edge; the verifier allows 3 mm
 ON_EDGE = 1e-5  # [m] edges this near to the plane of a sole that leans on them touch it
 TINY = 1e-7  # [m^2] parts of surfaces smaller than this do not count for friction
 
@@ -126,6 +127,8 @@ def support_under(
         part = scratch[cur]
         if m < (1 if leaning else 3):
             continue
+        if leaning and not _on_edges(packed.vertices[k], packed.count[k], p, R, part, m):
+            continue  # a corner of the sole on a face: it would push along the face's normal, not the sole's
         if leaning or convex_area(part, m) > TINY:
             friction = min(friction, float(packed.friction[k]))
         if n + m > MOST_POINTS:
@@ -142,6 +145,30 @@ def support_under(
         return 0, 0.0, 0.0
     start_at_the_front_left(corners, count)
     return count, area, friction
+
+
+@njit(cache=True)
+def _on_edges(polygon: np.ndarray, count: int, p: np.ndarray, R: np.ndarray, part: np.ndarray, m: int) -> bool:
+    """Whether the m points of a part (m, 3), in the frame (p, R), lie within `NEAR_EDGE` of a polygon's edges."""
+    a, b = np.empty(3), np.empty(3)
+    for i in range(m):
+        nearest = np.inf
+        for k in range(count):
+            along = length = 0.0
+            for r in range(3):
+                here = p[r] + R[r, 0] * part[i, 0] + R[r, 1] * part[i, 1] + R[r, 2] * part[i, 2]
+                a[r] = here - polygon[k, r]
+                b[r] = polygon[(k + 1) % count, r] - polygon[k, r]
+                along += a[r] * b[r]
+                length += b[r] * b[r]
+            share = min(max(along / max(length, 1e-300), 0.0), 1.0)
+            off = 0.0
+            for r in range(3):
+                off += (a[r] - share * b[r]) ** 2
+            nearest = min(nearest, off)
+        if nearest > NEAR_EDGE * NEAR_EDGE:
+            return False
+    return True
 
 
 @njit(cache=True)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scenes.contact import Contact
+from scenes.files.scene_source import load_scene
 from scenes.footholds.partial_support import INNER_RADIUS, no_supports, rest_down, rest_feet
 from scenes.footholds.projection import no_placements, patch_shape
 from scenes.footholds.start_stance import start_stance
@@ -182,3 +183,27 @@ def test_on_two_bars_of_different_height_a_sole_leans_on_their_edges(rise, yaw):
 def test_a_sole_does_not_lean_where_it_would_tip_or_slide():
     assert rest(plate((0.05, 0.055), WIDE), plate((0.08, 0.085), WIDE, 0.02)) is None  # all of it before the middle
     assert rest(plate((-0.06, -0.055), WIDE), plate((0.055, 0.06), WIDE, 0.08)) is None  # 34 deg
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_a_sole_that_leans_touches_edges_of_plates_not_their_faces_with_its_own_rim(seed: int) -> None:
+    """A rim on a face pushes along the face's normal; the sole's own normal, which its contact has, says otherwise."""
+    terrain = load_scene("random_surfaces", seed=seed).terrain
+    packed, rng, leaning = pack_terrain(terrain), np.random.default_rng(seed), 0
+    for _ in range(4000):
+        place = rng.uniform([0.4, -0.5, -0.5], [3.5, 0.5, 0.5])
+        contact = rest_down(packed, FOOT, place, ANY)
+        if contact is None or contact.R_WC[:, 2] @ terrain.surfaces[contact.surface].normal > 1 - 1e-6:
+            continue
+        leaning += 1
+        for corner in contact.support:
+            p_W = contact.p_WC + contact.R_WC[:, :2] @ corner
+            assert min(off_edges(s.vertices, p_W) for s in terrain.surfaces) < 3e-3
+    assert leaning > 0
+
+
+def off_edges(polygon: np.ndarray, p_W: np.ndarray) -> float:
+    """Distance of a point from the edges of a polygon (K, 3) [m]."""
+    a, b = p_W - polygon, np.roll(polygon, -1, axis=0) - polygon
+    share = np.clip((a * b).sum(axis=1) / (b * b).sum(axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(a - share[:, None] * b, axis=1).min())
