@@ -44,7 +44,7 @@ from scenes.gravity import GRAVITY
 
 FIRST_RADIUS = 0.1  # [m] bound on the CoM's change once a full step has failed
 ACCURACY, SHORT = 1e-7, 60  # of the convex programs of up to so many intervals; see `_accuracy`
-FINEST = 1e-11
+FINEST = 1e-11  # what double precision leaves
 HOPELESS = 0.1  # [M g ARM, M g ARM s] slack in all whose standing still ends the iteration
 
 

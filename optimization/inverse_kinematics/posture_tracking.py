@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from optimization.convex.hinge_qp import solve_hinge_qp
+from optimization.convex.hinge_qp import HingeProgram, solve_hinge_qp
 from optimization.inverse_kinematics.frame_task import (
     FrameErrors,
     FrameTask,
@@ -119,11 +119,12 @@ def _solve_frame(tree: KinematicTree, frame: FrameTask, q: np.ndarray, max_itera
             return it
         for i in range(nv):
             H[i, i] *= 1.0 + damping
-            low[i], high[i], dv[i] = -STEP, STEP, 0.0
+            low[i], high[i] = -STEP, STEP
             if i >= 6:
                 low[i] = min(max(low[i], frame.lower[i - 6] - q[i + 1]), 0.0)
                 high[i] = max(min(high[i], frame.upper[i - 6] - q[i + 1]), 0.0)
-        solve_hinge_qp(H, g, J, missing, low, high, side, dv, 80)
+        if solve_hinge_qp(HingeProgram(H, g, J, missing, low, high), side, dv, 80) < 0:
+            side[:] = 0
         integrate(q, dv, 1.0, q)
         biggest = 0.0
         for i in range(nv):

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optimization.convex.box_qp import solve_box_qp
-from optimization.convex.hinge_qp import solve_hinge_qp
+from optimization.convex.hinge_qp import HingeProgram, solve_hinge_qp
 
 
 def random_problem(seed: int, n: int, num: int):
@@ -20,7 +20,8 @@ def random_problem(seed: int, n: int, num: int):
 
 def solved(H, g, J, missing, lower, upper):
     x = np.zeros(len(g))
-    ok = solve_hinge_qp(np.triu(H), g, J, missing, lower, upper, np.zeros(len(g), np.int64), x, 500) > 0
+    program = HingeProgram(np.triu(H), g, J, missing, lower, upper)
+    ok = solve_hinge_qp(program, np.zeros(len(g), np.int64), x, 500) > 0
     assert (lower <= x).all() and (x <= upper).all()
     return ok, x
 
