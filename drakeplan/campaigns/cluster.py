@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 CONNECT_TIMEOUT = 10.0  # [s]
 PATIENCE = 120.0  # [s] for which a cluster may be without workers, while they are being replaced
+ROWS_LOST = ("lost", "pending")  # states of a task that had ended, and whose worker died before its rows were fetched
 
 
 class ClusterWorkers:
@@ -70,9 +71,13 @@ class ClusterWorkers:
         except queue.Empty:
             self._check_workers()
             return None
+        status = done.status
+        if status in ROWS_LOST:
+            self.submit(task)
+            return None
         del self._futures[task]
         alone, self._alone = task == self._alone, None
-        return self._outcome(task, done, alone)
+        return self._outcome(task, done, status, alone)
 
     def close(self) -> None:
         """Cancels what is under way; the cluster stays."""
@@ -95,16 +100,14 @@ class ClusterWorkers:
         elif now - self._last_seen > PATIENCE:
             raise InputError(f"cluster {self._address}: it has had no workers for {PATIENCE:g} s; --resume goes on")
 
-    def _outcome(self, task: Task, done: Future, alone: bool) -> Outcome | None:
+    def _outcome(self, task: Task, done: Future, status: str | None, alone: bool) -> Outcome | None:
         from distributed.scheduler import KilledWorker
 
-        if done.status == "finished":
+        if status == "finished":
             table, cpu_time = done.result()
             return Outcome(task, table, "", cpu_time)
-        if done.status != "error":
-            raise InputError(
-                f"cluster {self._address}: the connection was lost (a task is {done.status}); --resume goes on"
-            )
+        if status != "error":
+            raise InputError(f"cluster {self._address}: the connection was lost (a task is {status}); --resume goes on")
         error = done.exception()
         if not isinstance(error, KilledWorker):
             return Outcome(task, None, failure_line(error))  # type: ignore[arg-type]

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from toy_campaign import Toy
 
+from drakeplan.campaigns.campaign import Task
 from drakeplan.campaigns.engine import CollectOptions, collect
-from drakeplan.campaigns.workers import LocalWorkers
+from drakeplan.campaigns.workers import LocalWorkers, timed_task
 from learning.shard_file import shard_paths
 from scenes.input_error import InputError
 
@@ -60,6 +61,24 @@ def test_a_worker_that_is_killed_takes_nothing_with_it(cluster, tmp_path: Path) 
     assert killed.is_set()
     assert not card.quarantined
     assert shards(tmp_path / "cluster") == shards(tmp_path / "local")
+
+
+def test_a_task_whose_rows_died_with_their_worker_is_run_again() -> None:
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        ClusterWorkers(Toy(), cluster.scheduler_address) as workers,
+    ):
+        task = Task(shard=0, index=0, number=0, seed=7)
+        workers.submit(task)
+        future = workers._futures[task]
+        assert future.exception(timeout=10.0) is None
+        future._state.lose()
+        assert workers.next_outcome(10.0) is None
+        again = workers.next_outcome(10.0)
+    assert again is not None and again.task == task
+    assert again.table == timed_task(Toy(), task)[0]
 
 
 @pytest.mark.slow
