@@ -10,10 +10,15 @@ from numba.core import event
 
 
 class CompileClock(event.Listener):
-    """Seconds that this process has spent compiling kernels; loading compiled ones does not count."""
+    """Seconds that this process has spent compiling kernels; loading compiled ones does not count.
+
+    Attributes:
+        tell: called with True when it starts to compile and with False when it ends; None for nobody.
+    """
 
     def __init__(self) -> None:
         self._total, self._depth, self._began = 0.0, 0, 0.0
+        self.tell: Callable[[bool], None] | None = None
 
     def seconds(self) -> float:
         """So far, what is being compiled now included."""
@@ -24,6 +29,8 @@ class CompileClock(event.Listener):
         """A kernel starts to compile, perhaps because another one calls it."""
         if self._depth == 0:
             self._began = time.perf_counter()
+            if self.tell is not None:
+                self.tell(True)
         self._depth += 1
 
     def on_end(self, event: event.Event) -> None:
@@ -31,6 +38,8 @@ class CompileClock(event.Listener):
         self._depth -= 1
         if self._depth == 0:
             self._total += time.perf_counter() - self._began
+            if self.tell is not None:
+                self.tell(False)
 
 
 compile_clock = CompileClock()

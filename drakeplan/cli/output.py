@@ -1,15 +1,40 @@
-"""What commands print on standard output for programs."""
+"""What commands print for programs, and while they read."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenes.scene import Scene
+
+LARGE = 5e6  # [bytes] a file that takes more than a second or two to read
 
 
 def print_json(value: Mapping[str, object]) -> None:
     """One JSON object; numbers that are not finite, which JSON lacks, become null."""
     print(json.dumps(_finite(value), indent=2, allow_nan=False, default=_plain))
+
+
+def read_scene_aloud(source: str, seed: int) -> Scene:
+    """`load_scene`, which for a large file first says on standard error that it is being read.
+
+    Args:
+        source: of the scene.
+        seed: of the named scenes that draw something.
+    """
+    from scenes.files.scene_source import load_scene
+
+    with contextlib.suppress(OSError, ValueError):
+        size = Path(source).stat().st_size
+        if size > LARGE:
+            print(f"reading {source}, {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+    return load_scene(source, seed=seed)
 
 
 def _finite(value: object) -> object:

@@ -135,7 +135,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Plans, writes, tells; see the exit status in `ABOUT`."""
     _check_arguments(arguments)
-    import drakeplan.deadline  # noqa: F401 (its clock counts what compiles from here on)
+    from drakeplan.deadline import compile_clock  # it counts what compiles from here on
     from drakeplan.plan.plan_file import require_writable
 
     outputs = [path for path in (arguments.out, arguments.html) if path is not None]
@@ -143,11 +143,17 @@ def run(arguments: Arguments) -> int:
         require_writable(path)
     if len({Path(path).resolve() for path in outputs}) < len(outputs):
         raise InputError(f"--out and --html name the same file {arguments.out}")
-    from scenes.files.scene_source import load_scene
+    from drakeplan.cli.output import read_scene_aloud
     from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
 
-    scene = load_scene(arguments.scene, seed=arguments.seed)
+    if supervisor.wire is not None:
+        wire = supervisor.wire
+        compile_clock.tell = lambda compiling: wire.tell(compiling=compiling)
+        wire.tell(left=arguments.deadline - seconds_since_process_start(), stage=f"read {arguments.scene}")
+    scene = read_scene_aloud(arguments.scene, arguments.seed)
+    if supervisor.wire is not None:
+        supervisor.wire.tell(left=None, stage="load")  # until the query's own clock starts
     for note in scene.notes:
         print(f"note: {note}", file=sys.stderr)
     robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT, read_packages(arguments.package))

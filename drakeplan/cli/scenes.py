@@ -123,11 +123,11 @@ def _export(arguments: Arguments) -> int:
 
 
 def _load(arguments: Arguments) -> Scene:
-    from scenes.files.scene_source import load_scene
+    from drakeplan.cli.output import read_scene_aloud
 
     if arguments.seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {arguments.seed}")
-    return load_scene(arguments.scene, seed=arguments.seed)
+    return read_scene_aloud(arguments.scene, arguments.seed)
 
 
 def _facts(scene: Scene) -> dict[str, object]:

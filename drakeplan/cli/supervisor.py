@@ -35,8 +35,9 @@ class Wire:
         self._descriptor = descriptor
 
     def tell(self, **news: object) -> None:
-        """Sends some of: left (seconds until the deadline), answering (True once the answer is known), report (a JSON
-        object, the answer if the child is killed), kept (path of a plan file, and what to call it).
+        """Sends some of: left (seconds until the deadline; None for no deadline), compiling (True, then False: what is in
+        between does not count), answering (True once the answer is known), report (a JSON object, the answer if the child
+        is killed), kept (path of a plan file, and what to call it).
         """
         os.write(self._descriptor, (json.dumps(news) + "\n").encode())
 
@@ -49,6 +50,7 @@ class _Watch:
     """What the parent knows of its child."""
 
     kill_at: float = float("inf")
+    spared: float = 0.0  # [s] that were left when a kernel began to compile
     why: str = "deadline"
     interrupts: int = 0
     answering: bool = False
@@ -59,7 +61,12 @@ class _Watch:
     def hear(self, news: dict) -> None:
         """Takes a message of the child."""
         if "left" in news:
-            self.kill_at = time.monotonic() + float(news["left"]) + GRACE
+            left = float("inf") if news["left"] is None else float(news["left"])
+            self.kill_at = time.monotonic() + left + GRACE
+        if news.get("compiling"):
+            self.spared, self.kill_at = self.kill_at - time.monotonic(), float("inf")
+        elif "compiling" in news:
+            self.kill_at = time.monotonic() + self.spared
         self.stage = news.get("stage", self.stage)
         self.answering = self.answering or bool(news.get("answering"))
         self.report = news.get("report", self.report)

@@ -209,12 +209,29 @@ def _plans(terrain: Terrain, feet: list[int]) -> tuple[np.ndarray, np.ndarray]:
 def _connected(
     plans: np.ndarray, heights: np.ndarray, reach: float, rise: float, start: list[int] | np.ndarray
 ) -> np.ndarray:
-    """(n,) bool, which surfaces chains of steps from some of them may lead to."""
-    one, other = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=reach + SLACK)
-    keep = _climb(heights, one, other) <= rise + SLACK
-    links = coo_matrix((np.ones(int(keep.sum())), (one[keep], other[keep])), shape=(len(plans), len(plans)))
-    _, label = connected_components(links, directed=False)
+    """(n,) bool, which surfaces chains of steps from some of them may lead to.
+
+    Surfaces whose middles are in reach of each other are linked without a look at their outlines; outlines are measured
+    only between surfaces that are not joined by then.
+    """
+    x0, y0, x1, y1 = shapely.bounds(plans).T
+    one, other = shapely.STRtree(plans).query(shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach))
+    keep = (one < other) & (_climb(heights, one, other) <= rise + SLACK)
+    one, other = one[keep], other[keep]
+    middle = shapely.get_coordinates(shapely.centroid(plans))
+    near = np.linalg.norm(middle[one] - middle[other], axis=1) <= reach
+    label = _labels(one[near], other[near], len(plans))
+    apart = label[one] != label[other]
+    one, other = one[apart], other[apart]
+    linked = shapely.distance(plans[one], plans[other]) <= reach + SLACK
+    label = _labels(label[one[linked]], label[other[linked]], len(plans))[label]
     return np.isin(label, label[np.asarray(start, int)])
+
+
+def _labels(one: np.ndarray, other: np.ndarray, count: int) -> np.ndarray:
+    """(count,) number of the group of each thing, where these pairs are joined."""
+    links = coo_matrix((np.ones(len(one)), (one, other)), shape=(count, count))
+    return connected_components(links, directed=False)[1]
 
 
 def _climb(heights: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -72,7 +72,9 @@ class SwingCurve:
         """(n, 4, 4) pose in W at every u (n,) in [0, 1]."""
         u = np.ascontiguousarray(np.clip(u, 0.0, 1.0))
         shape = _Shape(self.lift, self.lower, self.travel, self.back, self.beyond)
-        return _curve(self.X_WA, self.X_WB, shape, np.asarray(self.side, dtype=float), self.along, u)
+        return _curve(
+            np.array(self.X_WA), np.array(self.X_WB), shape, np.asarray(self.side, dtype=float), self.along, u
+        )
 
 
 class _Shape(NamedTuple):
@@ -141,9 +143,9 @@ def plan_swing(
     Returns:
         `clear` is False where every curve tried meets something, even with a fifth of the clearance.
     """
-    X_WA, X_WB = before.X_WC, after.X_WC
+    X_WA, X_WB = np.array(before.X_WC), np.array(after.X_WC)  # for arrays that are read-only kernels compile anew
     foot = is_foot(before.effector)
-    away = _away(before, after, other) if foot else X_WA[:3, 2]
+    away = _away(before, after, other) if foot else X_WA[:3, 2].copy()
     blocks = np.zeros((0, 4, 3)) if other is None else _standing_leg(other)
     box = np.array([*half_extent, thickness, clearance])
     reach = float(np.hypot(*half_extent)) + clearance + SIDES[-1] + abs(pushed)

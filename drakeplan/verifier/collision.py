@@ -52,12 +52,26 @@ def check_collisions(
     limits["sole and palm collision"] = SOLE_PENETRATION
     nothing = (0.0, "nowhere") if len(boxes.body) else (np.nan, "the model has no collision shapes")
     worst: dict[str, tuple[float, str]] = dict.fromkeys(limits, nothing)
-    faces, owners, context = Faces(plan, scene), _owners(robot), robot.diagram.CreateDefaultContext()
+    faces, owners, context = (
+        _along_the_way(plan, scene, boxes, X_WB),
+        _owners(robot),
+        robot.diagram.CreateDefaultContext(),
+    )
     for start in range(0, len(X_WB) if len(boxes.body) else 0, BLOCK):
         frames = slice(start, min(start + BLOCK, len(X_WB)))
         _penetrate(plan, robot, context, owners, _solids(faces, boxes, X_WB[frames]), frames, worst)
     for name, (depth, where) in worst.items():
         sheet.add(name, depth, limits[name], "m", where)
+
+
+def _along_the_way(plan: PlanFile, scene: Scene, boxes: BodyBoxes, X_WB: np.ndarray) -> Faces:
+    """The faces that any of the shapes may come near in any frame."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for body, X_BO, half in zip(boxes.body, boxes.X_BO, boxes.half, strict=True):
+        X_WO = X_WB[:, body] @ X_BO
+        reach, centre = np.abs(X_WO[:, :3, :3]) @ half, X_WO[:, :3, 3]
+        low, high = np.minimum(low, (centre - reach).min(axis=0)), np.maximum(high, (centre + reach).max(axis=0))
+    return Faces(plan, scene, low - TOUCH, high + TOUCH)
 
 
 def _solids(faces: Faces, boxes: BodyBoxes, X_WB: np.ndarray) -> list[tuple[str, np.ndarray]]:

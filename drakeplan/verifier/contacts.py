@@ -165,9 +165,9 @@ def _covered(plan: PlanFile, scene: Scene) -> tuple[np.ndarray, float, str, Plac
     The column is the patch less `BESIDE` all around, up to the head room: neighbours that touch at edges are outside.
     """
     X_WC, effector = plan["contacts/X_WC"], plan["contacts/effector"]
-    polygons = [plate.vertices for plate in scene.plates] + list(plan["scene/triangles"])
-    low = np.array([p.min(axis=0) for p in polygons])
-    high = np.array([p.max(axis=0) for p in polygons])
+    plates, triangles = scene.plates, plan["scene/triangles"]
+    low = np.concatenate([np.array([p.low for p in plates]).reshape(-1, 3), triangles.min(axis=1)])
+    high = np.concatenate([np.array([p.high for p in plates]).reshape(-1, 3), triangles.max(axis=1)])
     heights, by = np.zeros(len(X_WC)), np.full(len(X_WC), -1)
     for c, X in enumerate(X_WC):
         half = np.maximum(plan["effectors_half_extent"][effector[c]] - BESIDE, 1e-4)
@@ -175,19 +175,20 @@ def _covered(plan: PlanFile, scene: Scene) -> tuple[np.ndarray, float, str, Plac
         reach = np.hypot(np.linalg.norm(half), room)
         near = np.all((low <= X[:3, 3] + reach) & (high >= X[:3, 3] - reach), axis=1)
         for k in np.flatnonzero(near):
-            inside = clip((polygons[k] - X[:3, 3]) @ X[:3, :3], [*-half, 0.0], [*half, room])
+            polygon = plates[k].vertices if k < len(plates) else triangles[k - len(plates)]
+            inside = clip((polygon - X[:3, 3]) @ X[:3, :3], [*-half, 0.0], [*half, room])
             if len(inside) and inside[:, 2].max() > heights[c]:
                 heights[c], by[c] = inside[:, 2].max(), k
         for k, (X_WO, size) in enumerate(scene.boxes):
             middle = X_WO[:3, :3].T @ (X[:3, 3] + 0.5 * room * X[:3, 2] - X_WO[:3, 3])
             if np.all(np.abs(middle) < size / 2):
-                heights[c], by[c] = room, len(polygons) + k
+                heights[c], by[c] = room, len(low) + k
 
     def where(index: tuple[int, ...]) -> str:
-        k, names = by[index[0]], [plate.name for plate in scene.plates]
+        k, names = by[index[0]], [plate.name for plate in plates]
         kind = "nothing" if k < 0 else names[k] if k < len(names) else f"obstacle triangle {k - len(names)}"
-        if k >= len(polygons):
-            kind = f"box {k - len(polygons)}"
+        if k >= len(low):
+            kind = f"box {k - len(low)}"
         return f"{plan.held(index[0])} under {kind}"
 
     return heights, COVERED, "m", where

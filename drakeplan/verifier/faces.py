@@ -58,7 +58,7 @@ class Face:
 
 
 class Faces:
-    """All faces of a scene.
+    """The faces of a scene within a box.
 
     Attributes:
         corners: (F, K, 3) in W [m]; polygons of fewer corners repeat their first.
@@ -66,18 +66,22 @@ class Faces:
         low, high: (F, 3) axis-aligned bounds [m].
     """
 
-    def __init__(self, plan: PlanFile, scene: Scene) -> None:
-        """Gathers the faces.
+    def __init__(self, plan: PlanFile, scene: Scene, low: np.ndarray, high: np.ndarray) -> None:
+        """Gathers the faces whose bounds meet the box.
 
         Args:
             plan: holds the triangles.
             scene: the plan's scene.
+            low: (3,) lowest corner of the box in W [m].
+            high: (3,) highest corner of the box in W [m].
         """
-        triangles, normals = upright(plan["scene/triangles"])
+        triangles, normals = upright(_meeting(plan["scene/triangles"], low - COVERED, high + COVERED))
         ground = NearBoxes(triangles.min(axis=1), triangles.max(axis=1))
         plates: list[Face] = []
         free = np.ones(len(triangles), dtype=bool)
         for plate in scene.plates:
+            if (plate.low > high).any() or (plate.high < low).any():
+                continue
             near = ground.near(plate.vertices.min(axis=0) - COVERED, plate.vertices.max(axis=0) + COVERED)
             mesh = on_mesh(plate, triangles[near], normals[near])
             plates.append(Face(plate.name, plate.vertices, plate.normal, tapered=mesh))
@@ -148,6 +152,11 @@ class NearBoxes:
             found.append(self._small[a : max(a, b)])
         k = np.concatenate(found)
         return np.sort(k[((self._low[k] <= high) & (self._high[k] >= low)).all(axis=1)])
+
+
+def _meeting(triangles: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The (n, 3, 3) triangles whose bounds meet a box."""
+    return triangles[((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)]
 
 
 def upright(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -72,8 +72,8 @@ def foothold_table(packed: PackedTerrain, heading: float = 0.0) -> FootholdTable
     tiles = tiles.astype(np.int64)
     start = np.concatenate([[0], np.cumsum(tiles.prod(axis=1))]).astype(np.int64)
     table = FootholdTable(
-        heading=np.array([heading]),
-        edge=np.array([edge]),
+        heading=np.array([heading], float),
+        edge=np.array([edge], float),
         tile_start=start,
         tiles=tiles,
         row=np.full(start[-1], -1, np.int32),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.footholds.convex_cover import convex_cover, convex_pieces, min_width
+from scenes.footholds.convex_cover import FEW, convex_cover, convex_pieces, min_width
 from scenes.input_error import InputError
 from scenes.meshes.mesh_file import drop_degenerate, read_mesh
 from scenes.meshes.mesh_orientation import Bodies, single_faces, turn_outward
@@ -23,6 +23,8 @@ from scenes.terrain.terrain import TriangleMesh
 NARROWEST = 0.04  # [m] no sole or palm is narrower, so nothing narrower can be stood or leant on
 MESH_PREFIX = "mesh:"  # surfaces cut out of a mesh are called mesh:<mesh>/<number>
 LARGEST = 1000.0  # [m] a mesh larger than this is more likely in millimetres
+MOST_COVERED = 200  # regions of rough ground that are covered by large surfaces, up to FEW corners each
+PLAIN = 8  # corners up to which they are where there are more regions
 COARSE = 1e-3  # [m] coordinates farther apart than this make steps of flat ground
 Y_UP_RATIO = 6.0  # a terrain with this much more area facing +y than +z is more likely y-up
 
@@ -144,8 +146,9 @@ def surfaces_of_mesh(
             Bodies(rough.others) if len(rough.others) else None,
             np.concatenate([rough.others, rough.body]),
         )
+        few = FEW if len(rough.regions) <= MOST_COVERED else PLAIN
         for region in rough.regions:
-            pieces += [region.lift(corners) for corners in convex_pieces(region.outline)]
+            pieces += [region.lift(corners) for corners in convex_pieces(region.outline, few)]
         notes = (
             f"its ground is rough; planes were fitted within {1e3 * rough.tolerance:.2g} mm, they hold {rough.fitted:.0%} of it; "
             f"its vertices were moved onto them, by {1e3 * rough.rms:.2g} mm RMS and {1e3 * rough.greatest:.2g} mm at most",

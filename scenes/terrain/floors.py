@@ -154,4 +154,7 @@ def _joints(
 def closed(union: BaseGeometry) -> BaseGeometry:
     """A region of the plane with its joints filled: everything that no square of side two joints, so oriented, fits beside."""
     with np.errstate(invalid="ignore"):  # GEOS tries intersections of parallel lines
-        return union.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre")
+        filled = union.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre")
+    if shapely.is_valid(filled):
+        return filled
+    return shapely.make_valid(filled, method="structure", keep_collapsed=False)  # mitres of a needle cross each other

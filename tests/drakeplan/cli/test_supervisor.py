@@ -62,6 +62,21 @@ def test_a_deadline_ends_what_python_cannot_stop(capsys: pytest.CaptureFixture[s
     assert "motion" in said.err
 
 
+def test_time_that_kernels_compile_does_not_count() -> None:
+    def work() -> int:
+        assert supervisor.wire is not None
+        supervisor.wire.tell(left=0.3)
+        supervisor.wire.tell(compiling=True)
+        time.sleep(0.3 + GRACE + 0.5)
+        supervisor.wire.tell(compiling=False)
+        deaf()
+        return 0
+
+    status, took = timed(work)
+    assert status == NO_PLAN
+    assert 2 * (0.3 + GRACE) + 0.5 - 0.1 < took < 2 * (0.3 + GRACE) + 0.5 + PROMPT
+
+
 def test_one_interrupt_lets_the_work_answer(capsys: pytest.CaptureFixture[str]) -> None:
     def work() -> int:
         try:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
-from drakeplan.contact_planning.reachability import unreachable, walled_off
+from drakeplan.contact_planning.reachability import SLACK, _connected, unreachable, walled_off
 from scenes.footholds.start_stance import check_goal, start_stance
 from scenes.pose import pose_matrix
 from scenes.robots.robot import load_robot
@@ -118,3 +119,19 @@ def test_a_goal_in_a_closed_cell_is_walled_off() -> None:
     wide = Terrain((slab("floor", (-2, 8), y=(-4, 4)),), tuple(cell))
     assert "box 'side 3'" in proofs(wide, (4.0, 0, 0))[1]
     assert proofs(Terrain(wide.surfaces, tuple(cell[1:])), (4.0, 0, 0))[1] == ""
+
+
+def test_groups_of_surfaces_are_those_of_all_pairs_of_outlines() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(30):
+        middle = rng.uniform(0.0, 4.0, (40, 2))
+        plans = np.array([shapely.MultiPoint(c + rng.uniform(-0.3, 0.3, (5, 2))).convex_hull for c in middle])
+        heights = np.sort(rng.uniform(0.0, 0.6, (40, 2)), axis=1)
+        reach, rise = rng.uniform(0.05, 0.4), rng.uniform(0.0, 0.3)
+        joined = shapely.distance(plans[:, None], plans[None]) <= reach + SLACK
+        gap = heights[:, None, 0] - heights[None, :, 1]
+        joined &= np.maximum(gap, gap.T) <= rise + SLACK
+        reached = np.arange(40) == 0
+        for _ in range(40):
+            reached = joined[reached].any(axis=0)
+        np.testing.assert_array_equal(_connected(plans, heights, reach, rise, [0]), reached)

@@ -46,3 +46,21 @@ def test_search_and_motion_after_the_warm_up_compile_and_load_no_kernel(dynamics
     fresh = subprocess.run([sys.executable, "-c", FRESH, dynamics], capture_output=True, text=True, timeout=300)
     assert fresh.returncode == 0, fresh.stderr
     assert fresh.stdout == ""
+
+
+WHOLE = """
+from drakeplan.deadline import compile_clock
+from drakeplan.query.options import PlanOptions
+from drakeplan.query.planning import plan_scene
+from scenes.files.scene_source import load_scene
+from scenes.robots.robot import load_robot
+
+result = plan_scene(load_scene("flat"), load_robot("escher"), PlanOptions(start=(0, 0, 0), goal=(1, 0)))
+print(result.status, compile_clock.seconds())
+"""
+
+
+@pytest.mark.slow
+def test_a_start_and_goal_in_whole_numbers_compile_no_kernel() -> None:
+    fresh = subprocess.run([sys.executable, "-c", WHOLE], capture_output=True, text=True, timeout=300)
+    assert fresh.stdout.split() == ["complete", "0.0"], fresh.stderr

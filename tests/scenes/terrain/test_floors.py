@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
-from scenes.terrain.floors import FLUSH, JOINT
+from scenes.terrain.floors import FLUSH, JOINT, closed
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Terrain
@@ -83,3 +84,16 @@ def test_every_point_of_a_joint_between_two_pieces_is_as_near_to_one_as_a_suppor
     middle = (joint[..., 0].min() + joint[..., 0].max()) / 2
     assert away.max() <= FLUSH
     assert middle <= FLUSH
+
+
+def test_a_needle_between_two_pieces_is_no_error() -> None:
+    """The mitres that GEOS puts round a needle's point cross each other."""
+    needle = [[0.096346, 0.105758], [0.096763, 0.106212], [0.041104, 0.096049]]
+    beside = [[0.124178, 0.110781], [0.119265, 0.139929], [0.091912, 0.134926], needle[1]]
+    below = [[0.101194, 0.076995], needle[0], needle[2], [0.045954, 0.06739]]
+    union = shapely.union_all([shapely.Polygon(p) for p in (needle, beside, below)])
+    assert not union.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre").is_valid
+    filled = closed(union)
+    assert filled.is_valid
+    assert filled.difference(union).area < 1e-6
+    assert union.difference(filled).area < 1e-9
