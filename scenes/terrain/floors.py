@@ -157,4 +157,4 @@ def closed(union: BaseGeometry) -> BaseGeometry:
         filled = union.buffer(JOINT, join_style="mitre").buffer(-JOINT, join_style="mitre")
     if shapely.is_valid(filled):
         return filled
-    return shapely.make_valid(filled, method="structure", keep_collapsed=False)  # mitres of a needle cross each other
+    return union.buffer(JOINT).buffer(-JOINT)  # GEOS makes mitres of a needle's point cross each other
