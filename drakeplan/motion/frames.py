@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from drakeplan.motion.asked_distances import AskedDistances
 from drakeplan.motion.check import (
     ACCELERATION,
     CALM_ACCELERATION,
@@ -23,7 +24,7 @@ from drakeplan.motion.check import (
 from drakeplan.motion.course_dynamics import BOX, ComCourse, SequenceDynamics, monotone_course
 from drakeplan.motion.emphasis import Emphasis
 from drakeplan.motion.key_postures import SPREAD, KeyPostures, posture_weight, solve_course
-from drakeplan.motion.proximity import KEEP, Encounters
+from drakeplan.motion.proximity import KEEP
 from drakeplan.motion.setting import Setting
 from drakeplan.motion.targets import (
     FAINT,
@@ -111,10 +112,10 @@ class MotionFrames:
         self.gaps: tuple[MomentumGap, ...] = ()
         self._dynamics, self._com_course = dynamics, com_course
         self._held = schedule.contact_at(self.t) >= 0
-        self._room = contact_room(schedule, self.t)
+        self._asked = AskedDistances(setting.monitor, contact_room(schedule, self.t), self.t, APART)
         self._detours: dict[int, Detour] = {}
         self._free: np.ndarray | None = None
-        self._apart, self._spread = APART, SPREAD
+        self._spread = SPREAD
         self._bound = False
         self._emphasis = Emphasis(self.t)
         self._plan_course()
@@ -224,6 +225,7 @@ class MotionFrames:
             setting.monitor,
             com_course=self._com_course,
         )
+        self._asked.learn(self._course.t, self._course.q)
 
     def _retarget(self) -> None:
         com = smooth_com(self.trajectory.t, self.trajectory.com, self.t)
@@ -278,7 +280,7 @@ class MotionFrames:
         """What each frame should do where all are solved together, near q_ref (T, nq) and a CoM (T, 3) [m]."""
         more = self._emphasis
         _, weight = effector_targets(self.schedule, self._swings, self.t, self._free, FAINT)
-        wanted = self._wanted(self._met)
+        wanted = self._asked.wanted(self._met)
         apart = self._met.where(np.isfinite(wanted))
         keep = KEEP * more.apart[apart.frame]
         return replace(
@@ -362,8 +364,7 @@ class MotionFrames:
         walked through one by one, each from the one before, with the pairs that are near there.
         """
         close = np.zeros(len(self.t), dtype=bool)
-        threshold = np.minimum(self._asked(self._met) - self._apart + near, self._wanted(self._met))
-        close[self._met.frame[self._met.distance < threshold]] = True
+        close[self._met.frame[self._asked.near(self._met, near)]] = True
         if not close.any():
             return close
         q = self.q.copy()
@@ -382,23 +383,11 @@ class MotionFrames:
         targets = frame_targets(self._targets, f)
         for _ in range(2):
             met = self.setting.monitor.near(q[None], [0], SEEN)
-            wanted = self._wanted(replace(met, frame=np.full(len(met), f)))
+            wanted = self._asked.wanted(replace(met, frame=np.full(len(met), f)))
             free = np.isfinite(wanted)
             near = replace(targets, rows=met.where(free).rows(1, wanted[free]))
             q = track_postures(self.tree, near, q[None], max_iterations=12).q[0]
         return q
-
-    def _wanted(self, met: Encounters) -> np.ndarray:
-        """(R,) distance that each pair should keep [m], no greater than its own in the nominal posture."""
-        return self.setting.monitor.at_most_nominal(met, self._asked(met))
-
-    def _asked(self, met: Encounters) -> np.ndarray:
-        """(R,) distance asked of each pair [m]: none of what stands on its contact, less where it takes off."""
-        wanted = np.full(len(met), self._apart)
-        sole = met.effector >= 0
-        room = self._room[met.frame[sole], met.effector[sole]]
-        wanted[sole] = np.where(room > 0.0, room * self._apart, -np.inf)
-        return wanted
 
     # ---- what is left
 
@@ -420,7 +409,7 @@ class MotionFrames:
 
     def _try_harder(self, problems: Sequence[Problem]) -> bool:
         """Gives the next round more distance or other swings, or a tighter CoM; False where nothing is left to try."""
-        before, detours = (self._apart, self._spread), dict(self._detours)
+        before, detours = (self._asked.apart, self._spread), dict(self._detours)
         self._emphasis.stress(problems)
         for p in problems:
             if p.kind == "sole collision":
@@ -428,14 +417,14 @@ class MotionFrames:
                 if detour.raised < MOST_RAISED:
                     self._detours[p.transition] = Detour(detour.raised + HIGHER, detour.pushed + WIDER)
             elif p.kind.endswith("collision"):
-                self._apart = min(self._apart + 0.015, MOST_APART)
+                self._asked.apart = min(self._asked.apart + 0.015, MOST_APART)
             if p.kind in ("self collision", "speed", *ROUGH):
                 self._spread = min(self._spread + WIDER_ARMS, MOST_SPREAD)
         if (before[1], detours) != (self._spread, self._detours):
             self._plan_course()
         off = any(p.kind in ("com", "held") for p in problems) and not self._bound
         off |= any(p.kind in ROUGH for p in problems)
-        return before != (self._apart, self._spread) or detours != self._detours or off
+        return before != (self._asked.apart, self._spread) or detours != self._detours or off
 
     def _problems(self, *, calm: bool = False) -> list[Problem]:
         """What exceeds its limit; where `calm` also what exceeds the aims of a calm motion."""

@@ -35,9 +35,14 @@ def hull_distance(
     """
     corner = np.empty((4, 2), np.int64)  # of A and of B, of each point of the simplex
     W, share, v = np.empty((4, 3)), np.empty(4), np.empty(3)
-    corner[0, 0], corner[0, 1] = 0, 0
+    _towards(A, num_a, B, num_b, v)
+    corner[0, 0], corner[0, 1] = _extreme(A, num_a, v, -1.0), _extreme(B, num_b, v, 1.0)
     for r in range(3):
-        W[0, r] = v[r] = A[0, r] - B[0, r]
+        W[0, r] = A[corner[0, 0], r] - B[corner[0, 1], r]
+    if W[0, 0] * v[0] + W[0, 1] * v[1] + W[0, 2] * v[2] > most:
+        return np.inf
+    for r in range(3):
+        v[r] = W[0, r]
     share[0], size = 1.0, 1
     for _ in range(MAX_STEPS):
         length2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -67,6 +72,24 @@ def hull_distance(
             p_B[r] += share[k] * B[corner[k, 1], r]
     distance = np.sqrt((p_A[0] - p_B[0]) ** 2 + (p_A[1] - p_B[1]) ** 2 + (p_A[2] - p_B[2]) ** 2)
     return distance if distance <= most else np.inf
+
+
+@njit(cache=True)
+def _towards(A: np.ndarray, num_a: int, B: np.ndarray, num_b: int, v: np.ndarray) -> None:
+    """Writes the unit vector from the middle of B's box to that of A's; zero where they coincide."""
+    length2 = 0.0
+    for r in range(3):
+        low_a = high_a = A[0, r]
+        for i in range(1, num_a):
+            low_a, high_a = min(low_a, A[i, r]), max(high_a, A[i, r])
+        low_b = high_b = B[0, r]
+        for j in range(1, num_b):
+            low_b, high_b = min(low_b, B[j, r]), max(high_b, B[j, r])
+        v[r] = 0.5 * (low_a + high_a) - 0.5 * (low_b + high_b)
+        length2 += v[r] * v[r]
+    length = np.sqrt(length2)
+    for r in range(3):
+        v[r] = v[r] / length if length > 0.0 else 0.0
 
 
 @njit(cache=True)
