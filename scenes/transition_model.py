@@ -13,6 +13,7 @@ import yaml
 from scenes.input_error import InputError, unknown_name
 
 DATA = files("scenes") / "data"
+_STEPS = Path(str(DATA / "foot_transition_models.yaml"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,10 @@ class TransitionModel:
         Raises:
             InputError: unreadable, unknown name or rows that are not [x, y, yaw].
         """
-        models = _load(Path(steps_file))
+        return TransitionModel._from(_load(Path(steps_file)), steps_file, name, rays_file)
+
+    @staticmethod
+    def _from(models: dict, steps_file: Path, name: str, rays_file: Path | None = None) -> TransitionModel:
         if name not in models:
             raise unknown_name("transition model", name, models)
         rows = np.array(models[name], dtype=float)
@@ -60,7 +64,12 @@ class TransitionModel:
 @cache
 def transition_model(name: str = "experiments") -> TransitionModel:
     """A model that comes with the package: planning (57 steps), training (38), experiments (60), long_stride, leap_stride."""
-    return TransitionModel.read(Path(str(DATA / "foot_transition_models.yaml")), name)
+    return TransitionModel._from(_packaged(), _STEPS, name)
+
+
+@cache
+def _packaged() -> dict:
+    return _load(_STEPS)  # 40 ms
 
 
 def _load(path: Path) -> dict:

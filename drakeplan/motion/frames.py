@@ -57,6 +57,7 @@ FOLLOW = (0.1, 0.05)  # weights of angular and linear momentum [1/(N m s), s/(kg
 CALM = 1e-2  # weight of accelerations [s^2/rad]
 MENDS, MENDABLE = 6, 3.0  # repairs of a motion where it is wrong, and times its limit that the worst may be for them
 PROGRESS = 0.8  # of the least excess so far that another round must come under to be worth another
+HOPELESS = 10.0  # times its limit that the worst may be after the first round; other contacts are sooner found
 GENTLE = 0.95  # share of the joints' speed limits that all frames together aim to keep
 STEPS, ENOUGH = 4, 0.03  # of Gauss-Newton over all frames, and the relative decrease of cost that ends it
 TORQUE_SHARE = 0.9  # of the joints' torque limits that the dynamics may use at the knots
@@ -169,7 +170,8 @@ class MotionFrames:
                 gaps = (*gaps[:-1], self._settle(widened(moved, WINDOW)))
             problems = self._mend()
             gaps = (*gaps[:-1], self._gap(*motion_momentum(self.tree, self.q, np.diff(self.t))))
-            stuck = bool(tried) and excess(problems) > PROGRESS * min(excess(one[0]) for one in tried)
+            least = min((excess(one[0]) for one in tried), default=HOPELESS / PROGRESS)
+            stuck = excess(problems) > PROGRESS * least
             tried.append((problems, self.trajectory, self._answer, gaps))
             if not problems or stuck or not self._try_harder(problems):
                 break

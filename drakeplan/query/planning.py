@@ -15,7 +15,7 @@ from drakeplan.query.explanation import explain_sequence
 from drakeplan.query.first_compilation import compile_beside
 from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
 from drakeplan.query.options import PlanOptions, check_options, with_options
-from drakeplan.query.query import STATIC_SHARE, Query, Rest
+from drakeplan.query.query import Query, Rest
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.refusal import Refusal
 from drakeplan.query.relaxations import needed_friction
@@ -37,9 +37,11 @@ SURELY_HELD = np.cos(np.pi / 8)  # share of the friction that the octagon inside
 MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
-PALMS_SHARE = 0.6  # of the deadline after which the feet are tried alone where palms brought no verified plan
+PALMS_SHARE = 0.35  # of the deadline after which feet that know a way are tried alone, where palms brought no plan
+LEARNED_SHARE = 0.3  # of the time for learned dynamics after which those that find no way over places to rest give up
 RESTING_SHARE = 0.6  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
 SCOUTING = 3.0  # [s] at most for finding out whether a way has places to rest
+FEET_SCOUTING = 0.6  # [s] the same for whether the feet alone find one
 FEET_SHARE = 0.5  # of what is left then for searching with the feet alone
 FEET_REPAIRS = 3  # of what they find
 TRIED_REPAIRS = 3  # the same for learned dynamics that the user did not ask for
@@ -90,7 +92,8 @@ def plan_scene(
             report = {**record.as_dict("none", reason, None), "obstacle": proved.as_dict()}
             return PlanResult("none", reason, None, report, notes=tuple(record.notes))
     spared = _may_spare_palms(context, options)
-    first = context.until(context.deadline.part(PALMS_SHARE)) if spared and options.expansions is None else context
+    hurried = spared and options.expansions is None and _feet_know_a_way(context, options, dynamics)
+    first = context.until(context.deadline.part(PALMS_SHARE)) if hurried else context
     result = _at_rest_or_moving(first, options, dynamics, record, tell)
     if spared and result.status != "complete" and not context.deadline.why():
         result = _feet_alone(context, options, dynamics, record, tell) or result
@@ -137,7 +140,7 @@ def _at_rest_or_moving(
     """
     if not _may_fall_back(context, options, dynamics):
         return _attempt(context, options, dynamics, record, tell)
-    result = _attempt(context, options, dynamics, record, tell, rest="only", share=STATIC_SHARE)
+    result = _attempt(context, options, dynamics, record, tell, rest="only", share=LEARNED_SHARE)
     if result.status != "none" or not record.expansions or context.deadline.why():
         return result
     record.notes.append(
@@ -192,8 +195,20 @@ def _has_rests(context: QueryContext, options: PlanOptions) -> bool:
     """
     if not planner_entry(options.planner).judges_transitions:
         return True
-    scout = make_planner(options.planner, context, _planner_options(context, options, "quasi-static"))
-    seconds = min(SCOUTING, 0.1 * context.deadline.left()) if options.expansions is None else None
+    return _finds_a_way(context, options, "quasi-static", SCOUTING)
+
+
+def _feet_know_a_way(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> bool:
+    """Whether a short search finds a way without palms: then they need not be waited for long."""
+    return _finds_a_way(context, dataclasses.replace(options, use_palms=False), dynamics, FEET_SCOUTING)
+
+
+def _finds_a_way(context: QueryContext, options: PlanOptions, dynamics: DynamicsName, most: float) -> bool:
+    """Whether a search of so many seconds, or the budget of expansions, finds contacts."""
+    scout = make_planner(options.planner, context, _planner_options(context, options, dynamics))
+    if scout.start_problem():
+        return False
+    seconds = min(most, 0.1 * context.deadline.left()) if options.expansions is None else None
     limits = Limits(deadline=seconds, expansions=options.expansions, improve=0.0, stop=options.stop)
     return next(iter(scout.plans(limits)), None) is not None
 
