@@ -89,6 +89,7 @@ def _cases() -> Iterator[tuple[str, str, Callable[[Path], int], float]]:
             target,
         )
     yield "hills, 2 cm cells", ".stl", lambda path: _height_map(path, _hills, 0.02, 4.0, 1.7, 0.0), 5.0
+    yield "hills, 2 cm cells, 200 m^2", ".stl", lambda path: _height_map(path, _hills, 0.02, 14.0, 14.0, 0.0), 15.0
 
 
 def _surface(path: Path, size: float) -> int:
