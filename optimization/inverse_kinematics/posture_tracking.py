@@ -33,7 +33,7 @@ from optimization.inverse_kinematics.frame_task import (
 from optimization.multibody.kinematic_tree import KinematicTree, difference, forward, integrate
 
 STEP = 0.4  # [rad, m] greatest change of any unknown in one Gauss-Newton step
-PATIENCE = 4  # full steps without a better posture than the best so far, before damped ones
+PATIENCE = 6  # full steps without a better posture than the best so far, before damped ones
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e4  # relative to the diagonal, tenfold each time a step makes it worse
 CONVERGED = 2e-5  # [rad, m] a step this small ends a frame
 
