@@ -6,9 +6,7 @@ import numpy as np
 
 from drakeplan.motion.proximity import Encounters, ProximityMonitor
 
-LEAST = (
-    0.006  # [m] what is asked of every pair that has more in its nominal posture, however near it is in key postures
-)
+LEAST = 0.006  # [m] what key postures that are nearer leave to ask for
 
 
 class AskedDistances:

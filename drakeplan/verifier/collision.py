@@ -70,7 +70,8 @@ def _along_the_way(plan: PlanFile, scene: Scene, boxes: BodyBoxes, X_WB: np.ndar
     for body, X_BO, half in zip(boxes.body, boxes.X_BO, boxes.half, strict=True):
         X_WO = X_WB[:, body] @ X_BO
         reach, centre = np.abs(X_WO[:, :3, :3]) @ half, X_WO[:, :3, 3]
-        low, high = np.minimum(low, (centre - reach).min(axis=0)), np.maximum(high, (centre + reach).max(axis=0))
+        low = np.minimum(low, (centre - reach).min(axis=0, initial=np.inf))
+        high = np.maximum(high, (centre + reach).max(axis=0, initial=-np.inf))
     return Faces(plan, scene, low - TOUCH, high + TOUCH)
 
 

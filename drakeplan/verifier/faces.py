@@ -75,7 +75,7 @@ class Faces:
             low: (3,) lowest corner of the box in W [m].
             high: (3,) highest corner of the box in W [m].
         """
-        triangles, normals = upright(_meeting(plan["scene/triangles"], low - COVERED, high + COVERED))
+        triangles, normals = upright(plan["scene/triangles"])
         ground = NearBoxes(triangles.min(axis=1), triangles.max(axis=1))
         plates: list[Face] = []
         free = np.ones(len(triangles), dtype=bool)
@@ -87,6 +87,7 @@ class Faces:
             plates.append(Face(plate.name, plate.vertices, plate.normal, tapered=mesh))
             free[near[_inside(plate, triangles[near], normals[near])]] = False
         self._named = [*plates, *box_faces(scene)]
+        free &= ((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)
         triangles, normals = triangles[free], normals[free]
         width = max((len(face.polygon) for face in self._named), default=3)
         self.corners = np.empty((len(self._named) + len(triangles), max(width, 3), 3))
@@ -152,11 +153,6 @@ class NearBoxes:
             found.append(self._small[a : max(a, b)])
         k = np.concatenate(found)
         return np.sort(k[((self._low[k] <= high) & (self._high[k] >= low)).all(axis=1)])
-
-
-def _meeting(triangles: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The (n, 3, 3) triangles whose bounds meet a box."""
-    return triangles[((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)]
 
 
 def upright(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

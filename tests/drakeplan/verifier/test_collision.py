@@ -13,7 +13,7 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.verifier import collision, verify
-from drakeplan.verifier.faces import Face, NearBoxes, box_faces, on_mesh, upright
+from drakeplan.verifier.faces import Face, Faces, NearBoxes, box_faces, on_mesh, upright
 from drakeplan.verifier.scene import Plate, Scene
 
 EVERYWHERE = np.full(3, -1e3), np.full(3, 1e3)
@@ -154,3 +154,25 @@ def test_what_is_left_out_beforehand_penetrates_nothing(stepping_plan: Plan, tmp
         slow = {kind: verify(tmp_path / "plan.h5").check(kind).worst for kind in kinds}
     assert slow["terrain collision"] > 0.0 and slow["sole and palm collision"] > 0.0
     assert quick == pytest.approx(slow, abs=2e-4)
+
+
+def test_faces_within_a_box_are_those_of_the_whole_scene_that_meet_it() -> None:
+    """A floor of a mesh stays one where the box holds a part of it alone."""
+    rng = np.random.default_rng(1)
+    strip = [[[x, -1.0, 0.0], [x + 1.0, -1.0, 0.0], [x, 1.0, 0.0]] for x in range(20)]
+    strip += [[[x + 1.0, -1.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]] for x in range(20)]
+    loose = rng.uniform([0.0, -1.0, 0.1], [20.0, 1.0, 2.0], (200, 1, 3)) + rng.uniform(-0.2, 0.2, (200, 3, 3))
+    floor = np.array([[0.0, -1.0, 0.0], [20.0, -1.0, 0.0], [20.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    shelf = floor + [0.0, 5.0, 1.0]
+    plates = tuple(Plate(n, v, np.array([0.0, 0.0, 1.0]), MU, frozenset()) for n, v in (("f", floor), ("s", shelf)))
+    scene, plan = Scene(plates, (), {}, {}), {"scene/triangles": np.concatenate([np.array(strip), loose])}
+    every = Faces(plan, scene, *EVERYWHERE)  # type: ignore[arg-type]
+    low, high = np.array([3.0, -0.5, -0.2]), np.array([5.0, 0.5, 1.5])
+    some = Faces(plan, scene, low, high)  # type: ignore[arg-type]
+    wanted, found = every.near(low, high), some.near(low, high)
+    assert 0 < len(found) == len(wanted) < len(every.normal)
+    assert len(found) == len(some.normal)
+    for a, b in zip(found, wanted, strict=True):
+        assert (some[a].name, some[a].tapered) == (every[b].name, every[b].tapered)
+        np.testing.assert_array_equal(some[a].polygon, every[b].polygon)
+    assert some[0].name == "f" and some[0].tapered
