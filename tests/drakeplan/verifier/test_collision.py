@@ -163,7 +163,7 @@ def test_faces_within_a_box_are_those_of_the_whole_scene_that_meet_it() -> None:
     strip += [[[x + 1.0, -1.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]] for x in range(20)]
     loose = rng.uniform([0.0, -1.0, 0.1], [20.0, 1.0, 2.0], (200, 1, 3)) + rng.uniform(-0.2, 0.2, (200, 3, 3))
     floor = np.array([[0.0, -1.0, 0.0], [20.0, -1.0, 0.0], [20.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
-    shelf = floor + [0.0, 5.0, 1.0]
+    shelf = floor + np.array([0.0, 5.0, 1.0])
     plates = tuple(Plate(n, v, np.array([0.0, 0.0, 1.0]), MU, frozenset()) for n, v in (("f", floor), ("s", shelf)))
     scene, plan = Scene(plates, (), {}, {}), {"scene/triangles": np.concatenate([np.array(strip), loose])}
     every = Faces(plan, scene, *EVERYWHERE)  # type: ignore[arg-type]
