@@ -96,22 +96,22 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
     """
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
-        x, y, *heading = options.start
+        x, y, *heading = map(float, options.start)  # for whole numbers kernels compile anew
         x, y = to_local([x, y], scene.origin_offset and scene.origin_offset[:2]).tolist()
         start = Start((x, y, float("nan")), heading[0] if heading else 0.0)  # the floors there say how high
     if options.start_z is not None and start is not None:
         if start.stance:
             raise InputError(f"--start-z: scene {scene.name} gives the start as a stance; give --start X Y too")
-        start = dataclasses.replace(start, xyz=(*start.xyz[:2], options.start_z))
+        start = dataclasses.replace(start, xyz=(*start.xyz[:2], float(options.start_z)))
     radius = options.goal_radius if options.goal_radius is not None else (goal.radius if goal else 0.2)
     if options.goal is not None:
-        x, y, *heading = options.goal
+        x, y, *heading = map(float, options.goal)
         x, y = to_local([x, y], scene.origin_offset and scene.origin_offset[:2]).tolist()
         goal = Goal((x, y, float("nan")), radius, heading[0] if heading else None)
     elif goal is not None:
         goal = dataclasses.replace(goal, radius=radius)
     if options.goal_z is not None and goal is not None:
-        goal = dataclasses.replace(goal, xyz=(*goal.xyz[:2], options.goal_z))
+        goal = dataclasses.replace(goal, xyz=(*goal.xyz[:2], float(options.goal_z)))
     if options.friction is not None:
         surfaces = tuple(dataclasses.replace(s, friction=options.friction) for s in terrain.surfaces)
         terrain = dataclasses.replace(terrain, surfaces=surfaces)

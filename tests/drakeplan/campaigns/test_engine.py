@@ -375,6 +375,9 @@ def test_options_that_make_no_sense_are_refused(name: str, value: int) -> None:
 
 
 def test_ctrl_c_waits_until_the_processes_have_started_whichever_thread_receives_it() -> None:
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell starts what runs behind it deaf to Ctrl-C
     began, ended, release = threading.Event(), [], threading.Event()
     other = threading.Thread(target=lambda: (began.set(), release.wait()), daemon=True)
     other.start()  # does not block the signal, so that the kernel delivers it there
@@ -386,7 +389,10 @@ def test_ctrl_c_waits_until_the_processes_have_started_whichever_thread_receives
             time.sleep(0.05)
             ended.append("started")
 
-    with pytest.raises(KeyboardInterrupt):
-        start_something()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            start_something()
+    finally:
+        signal.signal(signal.SIGINT, before)
     release.set()
     assert ended == ["started"]
