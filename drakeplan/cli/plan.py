@@ -135,7 +135,6 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Plans, writes, tells; see the exit status in `ABOUT`."""
     _check_arguments(arguments)
-    from drakeplan.deadline import compile_clock  # it counts what compiles from here on
     from drakeplan.plan.plan_file import require_writable
 
     outputs = [path for path in (arguments.out, arguments.html) if path is not None]
@@ -143,19 +142,10 @@ def run(arguments: Arguments) -> int:
         require_writable(path)
     if len({Path(path).resolve() for path in outputs}) < len(outputs):
         raise InputError(f"--out and --html name the same file {arguments.out}")
-    from drakeplan.cli.output import read_scene_aloud
     from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
 
-    if supervisor.wire is not None:
-        wire = supervisor.wire
-        compile_clock.tell = lambda compiling: wire.tell(compiling=compiling)
-        wire.tell(left=arguments.deadline - seconds_since_process_start(), stage=f"read {arguments.scene}")
-    scene = read_scene_aloud(arguments.scene, arguments.seed)
-    if supervisor.wire is not None:
-        supervisor.wire.tell(left=None, stage="load")  # until the query's own clock starts
-    for note in scene.notes:
-        print(f"note: {note}", file=sys.stderr)
+    scene = _read_scene(arguments)
     robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT, read_packages(arguments.package))
     _require_ends(arguments, scene)
     from drakeplan.progress import ProgressPrinter
@@ -199,6 +189,23 @@ def run(arguments: Arguments) -> int:
     if not complete:
         print(f"drakeplan: no complete plan: {result.reason}", file=sys.stderr)
     return 0 if complete else 3
+
+
+def _read_scene(arguments: Arguments) -> Scene:
+    """The scene, with its notes on standard error; the deadline holds while it is read."""
+    from drakeplan.cli.output import read_scene_aloud
+    from drakeplan.deadline import compile_clock  # it counts what compiles from here on
+
+    wire = supervisor.wire
+    if wire is not None:
+        compile_clock.tell = lambda compiling: wire.tell(compiling=compiling)
+        wire.tell(left=arguments.deadline - seconds_since_process_start(), stage=f"read {arguments.scene}")
+    scene = read_scene_aloud(arguments.scene, arguments.seed)
+    if wire is not None:
+        wire.tell(left=None, stage="load")  # until the query's own clock starts
+    for note in scene.notes:
+        print(f"note: {note}", file=sys.stderr)
+    return scene
 
 
 def _check_arguments(arguments: Arguments) -> None:

@@ -91,12 +91,7 @@ def plan_scene(
             reason = f"goal unreachable: {proved.text}"
             report = {**record.as_dict("none", reason, None), "obstacle": proved.as_dict()}
             return PlanResult("none", reason, None, report, notes=tuple(record.notes))
-    spared = _may_spare_palms(context, options)
-    hurried = spared and options.expansions is None and _feet_know_a_way(context, options, dynamics)
-    first = context.until(context.deadline.part(PALMS_SHARE)) if hurried else context
-    result = _at_rest_or_moving(first, options, dynamics, record, tell)
-    if spared and result.status != "complete" and not context.deadline.why():
-        result = _feet_alone(context, options, dynamics, record, tell) or result
+    result = _palms_or_feet(context, options, dynamics, record, tell)
     hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
     if (
         _may_fall_back(context, options, dynamics)
@@ -128,6 +123,19 @@ def _load_kernels(context: QueryContext, tell: Progress) -> None:
     note = ProgressEvent("load", "compiling kernels, once on this machine: two to four minutes")
     with compile_beside(context.robot, lambda: tell(note)):
         warm_up(context.robot, context.ik)
+
+
+def _palms_or_feet(
+    context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
+) -> PlanResult:
+    """One query with palms; where they bring no verified plan, one of the feet alone, soon where these know a way."""
+    spared = _may_spare_palms(context, options)
+    hurried = spared and options.expansions is None and _feet_know_a_way(context, options, dynamics)
+    first = context.until(context.deadline.part(PALMS_SHARE)) if hurried else context
+    result = _at_rest_or_moving(first, options, dynamics, record, tell)
+    if spared and result.status != "complete" and not context.deadline.why():
+        return _feet_alone(context, options, dynamics, record, tell) or result
+    return result
 
 
 def _at_rest_or_moving(
