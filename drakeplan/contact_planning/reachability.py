@@ -24,6 +24,7 @@ from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.terrain.solids import solid_at, solid_columns
 from scenes.terrain.terrain import Terrain
 
+UNREACHABLE = "goal unreachable"  # begins what is proved, and nothing else
 MOST_SURFACES = 20_000  # more take seconds: then nothing is proved
 SLACK = 1e-3  # [m] rounding
 CELL = 0.1  # [m] edge of a cell at most; where the hips are closer than this to the middle, that
@@ -68,10 +69,10 @@ def unreachable(
     name = terrain.surfaces
     beyond = np.flatnonzero(_connected(plans, heights, reach, rise, np.flatnonzero(at_goal)))
     if not len(beyond):
-        return f"goal unreachable: no surface for feet within reach of it at z {goal.xyz[2]:.2f}"
+        return f"{UNREACHABLE}: no surface for feet within reach of it at z {goal.xyz[2]:.2f}"
     a, b, gap, climb = _nearest(plans, heights, np.flatnonzero(reached), beyond)
     return (
-        f"goal unreachable: from {name[feet[a]].name!r} to {name[feet[b]].name!r} it is {gap:.2f} m across and "
+        f"{UNREACHABLE}: from {name[feet[a]].name!r} to {name[feet[b]].name!r} it is {gap:.2f} m across and "
         f"{climb:.2f} m up or down; a step of this transition model reaches {reach:.2f} m across and {rise:.2f} m up or down"
         f"{_which_are_small(terrain, robot, small)}"
     )
@@ -157,7 +158,7 @@ def walled_off(
     line = here + np.linspace(0.0, 1.0, 200)[:, None] * (there - here)
     names = [solid_at(terrain, packed, float(x), float(y), 0.5 * (low + high)) for x, y in line]
     between = next((name for name in names if name), "solids")
-    return f"goal unreachable: {between} is between it and the start, and leaves no way for the pelvis"
+    return f"{UNREACHABLE}: {between} is between it and the start, and leaves no way for the pelvis"
 
 
 def surfaces_in_reach(
@@ -245,8 +246,25 @@ def _at_goal(plans: np.ndarray, heights: np.ndarray, goal: Goal, reach: float, r
     near = shapely.distance(plans, shapely.Point(goal.xyz[:2])) <= goal.radius + 0.5 * reach + SLACK
     if not np.isfinite(goal.xyz[2]):
         return near
-    off = np.maximum(heights[:, 0] - goal.xyz[2], goal.xyz[2] - heights[:, 1])
-    return near & (off <= GOAL_HEIGHT + 0.5 * rise + SLACK)
+    low, high = heights[near].T
+    other_high = _highest_within(low, high, high + rise + SLACK)
+    other_low = -_highest_within(-high, -low, -low + rise + SLACK)
+    off = np.maximum(0.5 * (low + other_low) - goal.xyz[2], goal.xyz[2] - 0.5 * (high + other_high))
+    near[near] = off <= GOAL_HEIGHT + SLACK
+    return near
+
+
+def _highest_within(low: np.ndarray, high: np.ndarray, top: np.ndarray) -> np.ndarray:
+    """(n,) how high the surfaces reach that begin at or below each of n heights, cut off at that height [m].
+
+    Args:
+        low: (m,) least height of each surface [m].
+        high: (m,) greatest height of each surface [m].
+        top: (n,) heights at or above the least of `low` [m].
+    """
+    order = np.argsort(low)
+    highest = np.maximum.accumulate(high[order])
+    return np.minimum(highest[np.searchsorted(low[order], top, side="right") - 1], top)
 
 
 def _nearest(

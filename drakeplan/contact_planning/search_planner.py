@@ -16,7 +16,7 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.dynamic_domain import DynamicDomain
 from drakeplan.contact_planning.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.contact_planning.planner import ContactPlanner
-from drakeplan.contact_planning.reachability import unreachable, walled_off
+from drakeplan.contact_planning.reachability import UNREACHABLE, unreachable, walled_off
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.contact_planning.window_domain import HEURISTIC_WEIGHT, WINDOW, WindowDomain
 from drakeplan.context import QueryContext
@@ -164,7 +164,7 @@ class SearchPlanner:
             terrain, robot, goal = context.scene.terrain, context.robot, context.goal
             full = context.full_soles
             nobody = nobody_fits(terrain, context.packed, robot, goal, reach, full)
-            self._unreachable = f"goal unreachable: {nobody}" if nobody else ""
+            self._unreachable = f"{UNREACHABLE}: {nobody}" if nobody else ""
             self._unreachable = self._unreachable or unreachable(
                 terrain, robot, reach, context.start, goal, full, context.packed
             )

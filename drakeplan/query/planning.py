@@ -8,6 +8,7 @@ import numpy as np
 
 from drakeplan.contact_planning.contact_plan import DynamicsName, PlannerOptions
 from drakeplan.contact_planning.planner import make_planner, planner_entry
+from drakeplan.contact_planning.reachability import UNREACHABLE
 from drakeplan.context import QueryContext
 from drakeplan.deadline import Deadline
 from drakeplan.progress import Progress, ProgressEvent
@@ -88,7 +89,7 @@ def plan_scene(
     if planner_entry(options.planner).judges_transitions:
         proved = proved_obstacle(context, _planner_options(context, options, dynamics))
         if proved is not None:
-            reason = f"goal unreachable: {proved.text}"
+            reason = f"{UNREACHABLE}: {proved.text}"
             report = {**record.as_dict("none", reason, None), "obstacle": proved.as_dict()}
             return PlanResult("none", reason, None, report, notes=tuple(record.notes))
     result = _palms_or_feet(context, options, dynamics, record, tell)
@@ -99,8 +100,9 @@ def plan_scene(
         and record.expansions
         and not hopeless
     ):
+        why = f" ({result.reason})" if result.status == "contacts" else ""
         record.notes.append(
-            f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
+            f"no verified plan with learned dynamics{why}; planned again with quasi-static dynamics"
         )
         tell(ProgressEvent("search", record.notes[-1]))
         second = _attempt(context, options, "quasi-static", record, tell)
@@ -133,7 +135,7 @@ def _palms_or_feet(
     hurried = spared and options.expansions is None and _feet_know_a_way(context, options, dynamics)
     first = context.until(context.deadline.part(PALMS_SHARE)) if hurried else context
     result = _at_rest_or_moving(first, options, dynamics, record, tell)
-    if spared and result.status != "complete" and not context.deadline.why():
+    if spared and result.status != "complete" and not result.proved and not context.deadline.why():
         return _feet_alone(context, options, dynamics, record, tell) or result
     return result
 
@@ -152,7 +154,7 @@ def _at_rest_or_moving(
     if result.status != "none" or not record.expansions or context.deadline.why():
         return result
     record.notes.append(
-        f"no way with learned dynamics and places to rest ({result.reason}); planned again with quasi-static dynamics"
+        "no way with learned dynamics and places to rest; planned again with quasi-static dynamics"
     )
     tell(ProgressEvent("search", record.notes[-1]))
     resting = _attempt(context, options, "quasi-static", record, tell, share=RESTING_SHARE)
@@ -329,6 +331,8 @@ def _with_obstacle(
     if context.deadline.why() or seconds < LEAST_RESERVE:
         return result
     obstacle = find_obstacle(context, _planner_options(context, options, dynamics), seconds)
+    if result.proved and obstacle.kind == "unknown":
+        return result
     reason = f"{result.reason}; {obstacle.text}"
     report = {**result.report, "reason": reason, "obstacle": obstacle.as_dict()}
     return dataclasses.replace(result, reason=reason, report=report)

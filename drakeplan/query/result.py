@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from drakeplan.contact_planning.reachability import UNREACHABLE
 from drakeplan.plan.plan import Plan
 from drakeplan.query.explanation import Explanation
 from drakeplan.query.refusal import Refusal
@@ -36,3 +37,8 @@ class PlanResult:
     notes: tuple[str, ...] = ()
     refusal: Refusal | None = None
     explanation: Explanation | None = None
+
+    @property
+    def proved(self) -> bool:
+        """Whether the goal is proved to be unreachable, so that no other search can find a way."""
+        return self.status == "none" and self.reason.startswith(UNREACHABLE)

@@ -53,6 +53,15 @@ def test_a_ledge_is_a_proof_only_if_it_is_higher_than_a_step(rise: float) -> Non
         assert f"it is 0.00 m across and {abs(rise):.2f} m up or down" in why
 
 
+@pytest.mark.parametrize("rise", [0.51, 0.6, 0.67])
+def test_the_ground_beside_a_high_block_is_not_its_top(rise: float) -> None:
+    """A foot on the ground is within half a step of a goal on the block, but the other foot finds nothing in between."""
+    terrain = Terrain((slab("ground", (-1, 4)), slab("block", (2, 3.2), rise, (-0.3, 0.3))))
+    assert f"{rise:.2f} m up or down" in proofs(terrain, (2.5, 0, rise))[0]
+    between = slab("stool", (2.5, 2.9), 0.5 * rise, (0.4, 0.7))
+    assert proofs(Terrain((*terrain.surfaces, between)), (2.5, 0, rise))[0] == ""
+
+
 def test_stones_that_take_no_whole_sole_join_nothing_where_soles_have_to_be_whole() -> None:
     half = ROBOT.effectors[0].half_extent
     for more, joined in ((-1e-3, False), (1e-3, True)):
