@@ -100,6 +100,7 @@ class DynamicDomain(ABC):
         reason = self.dynamics_reason(state)
         if not reason and (self.static_balance or self._on_parts(parent, state)):
             reason = self.contacts.check.transition(parent[:4], state[:4])
+        reason = reason or self.contacts.check.swing(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
     from drakeplan.context import QueryContext
     from drakeplan.search.ana_star import Limits
+    from scenes.stance import Stance
 
 
 class ContactPlanner(Protocol):
@@ -44,6 +45,14 @@ class ContactPlanner(Protocol):
         Args:
             plan: one that this planner gave.
             transition: k, from stance k to stance k + 1.
+        """
+        ...
+
+    def ask_for_swings(self, swing_is_clear: Callable[[Stance, Stance], bool]) -> None:
+        """From now on refuses every transition whose foot or palm finds no way past the terrain.
+
+        Args:
+            swing_is_clear: whether what moves from one stance to the next finds one.
         """
         ...
 

@@ -244,6 +244,14 @@ class ProgramPlanner:
         if self.query.narrowed == narrowed and self._attempts:  # nothing is left to narrow: smaller steps
             self._attempts = [*self._attempts[1:], *self._with_more(*self._attempts[0])]
 
+    def ask_for_swings(self, swing_is_clear: Callable[[Stance, Stance], bool]) -> None:
+        """From now on refuses every transition whose foot or palm finds no way past the terrain.
+
+        Args:
+            swing_is_clear: whether what moves from one stance to the next finds one.
+        """
+        self.check.swing_is_clear = swing_is_clear
+
     def require_static_balance(self, required: bool) -> bool:
         """Changes nothing: every transition passes its critical configurations at rest already.
 

@@ -200,6 +200,14 @@ class SearchPlanner:
         """
         self.domain.forbid(plan.states[transition], plan.states[transition + 1])
 
+    def ask_for_swings(self, swing_is_clear: Callable[[Stance, Stance], bool]) -> None:
+        """From now on refuses every transition whose foot or palm finds no way past the terrain.
+
+        Args:
+            swing_is_clear: whether what moves from one stance to the next finds one.
+        """
+        self.check.swing_is_clear = swing_is_clear
+
     def require_static_balance(self, required: bool) -> bool:
         """Sets whether transitions with dynamics must also pass static balance at their critical configurations.
 

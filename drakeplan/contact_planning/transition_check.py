@@ -9,6 +9,7 @@ fast whole-body inverse kinematics, run when the search is about to expand a sta
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from optimization.inverse_kinematics.standing_postures import NOMINAL, standing_
 from optimization.inverse_kinematics.whole_body_ik import IkAnswer, IkOptions, WholeBodyIK
 from optimization.multibody.terrain_clearance import limbs, penetration
 from scenes.robots.robot import Robot
+from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain
 
 MAX_CORNERS = 48  # of a balance polygon
@@ -31,7 +33,11 @@ LIMB_DEPTH = 0.02  # [m] a limb may reach this deep into the terrain: the motion
 
 
 class TransitionCheck:
-    """Checks transitions of one robot on one terrain; results are cached by contact numbers."""
+    """Checks transitions of one robot on one terrain; results are cached by contact numbers.
+
+    Attributes:
+        swing_is_clear: whether what moves from one stance to the next finds a way past the terrain; None: not asked.
+    """
 
     def __init__(
         self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: FrictionCone
@@ -58,6 +64,8 @@ class TransitionCheck:
         self._postures: dict[tuple[Held, Held], tuple[str, np.ndarray]] = {}
         self._seeds: dict[Held, np.ndarray] = {}
         self._at_com: dict[tuple[Held, tuple[int, ...]], tuple[str, np.ndarray]] = {}
+        self.swing_is_clear: Callable[[Stance, Stance], bool] | None = None
+        self._swings: dict[tuple[int, ...], bool] = {}
         self.num_ik = 0
 
     def stands_alone(self, number: int) -> bool:
@@ -79,7 +87,7 @@ class TransitionCheck:
         return self._posture(held, held, None)
 
     def transition(self, before: Held, after: Held) -> str:
-        """Why the step from one stance to the next cannot be made: "", "balance", "reach" or "collision".
+        """Why the step from one stance to the next cannot be made: "", "balance", "reach", "collision" or "swing".
 
         Args:
             before: contact numbers by end effector, -1 where free.
@@ -95,7 +103,22 @@ class TransitionCheck:
         reason = self._posture(after, support, seed)
         if not reason:
             self._seeds.setdefault(after, self._postures[after, support][1])
-        return reason
+        return reason or self.swing(before, after)
+
+    def swing(self, before: Held, after: Held) -> str:
+        """Why the moving end effector cannot get from one stance to the next: "" or "swing", where that is asked at all.
+
+        Args:
+            before: contact numbers by end effector, -1 where free.
+            after: the same for the next stance, which differs in one end effector.
+        """
+        if self.swing_is_clear is None:
+            return ""
+        mover = next(e for e, n in enumerate(after) if n != before[e])
+        key = (mover, before[mover], after[mover], *before[:2])
+        if key not in self._swings:
+            self._swings[key] = self.swing_is_clear(self._stance(before), self._stance(after))
+        return "" if self._swings[key] else "swing"
 
     def can_lift(self, held: Held, mover: int) -> str:
         """Why this end effector cannot be lifted: "", "balance", "reach" or "collision".
@@ -138,6 +161,9 @@ class TransitionCheck:
         """
         reason, q = self._postures.get((held, support), ("unknown", np.zeros(0)))
         return None if reason else q
+
+    def _stance(self, held: Held) -> Stance:
+        return Stance(tuple(None if n < 0 else self.pool.contact(n) for n in held))
 
     def _posture(self, held: Held, support: Held, seed: np.ndarray | None) -> str:
         key = (held, support)

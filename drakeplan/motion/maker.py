@@ -23,7 +23,7 @@ from drakeplan.motion.free_timing import effort, free_durations
 from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
 from drakeplan.motion.setting import Setting
-from drakeplan.motion.targets import plan_swings
+from drakeplan.motion.targets import Detour, plan_swings, swing_between
 from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.timing.phases import Schedule, make_schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
@@ -270,6 +270,16 @@ class MotionMaker:
         """Transitions whose foot or palm meets the terrain on every curve that is tried: found out in milliseconds."""
         swings = plan_swings(self.robot, self.setting.packed, schedule, {}, self.options.clearance)
         return [k for k, swing in enumerate(swings) if not swing.clear]
+
+    def swing_is_clear(self, stance: Stance, following: Stance) -> bool:
+        """Whether the foot or palm in which two stances differ finds a way past the terrain.
+
+        Args:
+            stance: before the swing.
+            following: after it.
+        """
+        clearance = self.options.clearance
+        return swing_between(self.robot, self.setting.packed, stance, following, Detour(), clearance, probe=True).clear
 
     def _torque(self, frames: MotionFrames, dynamics: SequenceDynamics, v: np.ndarray) -> TorqueNeed:
         kinematics = self.setting.ik.kinematics

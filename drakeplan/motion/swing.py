@@ -24,6 +24,7 @@ LATE = 0.05  # [m] of height that the usual share of travel is worth: a late one
 LIFTS = (0.05, 0.08, 0.11, 0.14, 0.18, 0.22, 0.27, 0.32, 0.38)  # [m] tried from the lowest
 BACKS = (0.0, 0.06, 0.12)  # [m] away from what overhangs a contact, tried where no height does
 SIDES = (0.0, 0.05, 0.10, 0.15)  # [m] away from the other foot, tried in this order
+MIDDLE = (0.5, 0.35, 0.65)  # of the swing, where what is between two contacts is met first
 SAMPLES = 33  # poses tested along the curve; two of them are never further apart than a third of a sole
 GRAZE = 0.003  # [m] what a contact's neighbours may rise above its patch, as in scenes.footholds.projection
 HOVER = 0.10  # [m] where a palm waits before its wall and after it
@@ -124,6 +125,7 @@ def plan_swing(
     other: Contact | None = None,
     raised: float = 0.0,
     pushed: float = 0.0,
+    probe: bool = False,
 ) -> SwingCurve:
     """The lowest curve whose moving box keeps the clearance to the terrain, less where it must, and misses the other leg.
 
@@ -139,6 +141,8 @@ def plan_swing(
         other: the contact of the other foot, whose shin is in the way.
         raised: added to both heights [m], for a caller for whom the lowest curve is not high enough.
         pushed: added to the sideways displacement [m].
+        probe: whether it only matters if there is a clear curve: then the least clearance alone is tried, and curves that
+            are not clear are given up at once.
 
     Returns:
         `clear` is False where every curve tried meets something, even with a fifth of the clearance.
@@ -153,9 +157,9 @@ def plan_swing(
     high = np.maximum(X_WA[:2, 3], X_WB[:2, 3]) + reach + LIFTS[-1]
     obstacles = _Obstacles(packed, near(packed, low[0], low[1], high[0], high[1]), blocks)
     along = ALONG if foot else np.inf
-    for share in MARGINS:
+    for share in MARGINS[-1:] if probe else MARGINS:
         box[3] = share * clearance
-        shape, push, hits = _lowest(obstacles, X_WA, X_WB, away, box, along, raised, pushed)
+        shape, push, hits = _lowest(obstacles, X_WA, X_WB, away, box, along, raised, pushed, probe)
         if hits == 0:
             break
     lift, lower, travel, back, beyond = shape
@@ -303,13 +307,16 @@ def _lowest(
     along: float,
     raised: float,
     pushed: float,
+    probe: bool,
 ) -> tuple[_Shape, float, int]:
     """(shape, push, hits) of the cheapest clear curve at the least push, else of the cheapest of all.
+
+    To `probe`, one hit in either half is enough: the cheapest curve of those that are not clear then means nothing.
 
     Heights grow one at a time: the first while the first half meets something, the second while the second does.
     Where no height does, the foot draws back on that side, and the heights grow anew.
     """
-    u = np.linspace(0.0, 1.0, SAMPLES)
+    u, middle = np.linspace(0.0, 1.0, SAMPLES), np.array(MIDDLE)
     free = np.array([_free_margin(obstacles, X, box) for X in (X_WA, X_WB)])
     heights = len(LIFTS)
     last = heights * (len(BACKS) if np.isfinite(along) else 1)
@@ -321,8 +328,13 @@ def _lowest(
             while i < last and j < last:
                 back, beyond = BACKS[i // heights], BACKS[j // heights]
                 shape = _Shape(LIFTS[i % heights] + raised, LIFTS[j % heights] + raised, travel, back, beyond)
-                poses = _curve(X_WA, X_WB, shape, side, along, u)
-                early, late = _hits(obstacles, poses, u, box, free, travel)
+                early = late = 0
+                if probe:
+                    poses = _curve(X_WA, X_WB, shape, side, along, middle)
+                    early, late = _hits(obstacles, poses, middle, box, free, travel, probe)
+                if early == 0 or late == 0:
+                    poses = _curve(X_WA, X_WB, shape, side, along, u)
+                    early, late = _hits(obstacles, poses, u, box, free, travel, probe)
                 hits = early + late
                 price = shape.lift + shape.lower + back + beyond + HIT * hits + (LATE if travel > TRAVELS[0] else 0.0)
                 if (hits == 0 and best_hits > 0) or (price < cost and (hits == 0 or best_hits > 0)):
@@ -344,6 +356,7 @@ def _hits(
     box: np.ndarray,
     free: np.ndarray,
     travel: float,
+    probe: bool,
 ) -> tuple[int, int]:
     """Samples of the first and of the second half whose box meets a polygon of the terrain or a block.
 
@@ -352,6 +365,8 @@ def _hits(
     """
     early = late = 0
     for i in range(u.shape[0]):
+        if probe and (late > 0 or (early > 0 and u[i] < 0.5)):
+            continue
         margin = box[3] * smooth_step(min(u[i], 1.0 - u[i]) / RISE)
         beside = free[0] if u[i] <= 0.5 else free[1]
         beside += (box[3] - beside) * smooth_step(2.0 * (min(u[i], 1.0 - u[i]) - travel) / (1.0 - 2.0 * travel))

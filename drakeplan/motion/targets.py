@@ -20,6 +20,7 @@ from optimization.multibody.kinematic_tree import KinematicTree
 from scenes.effector import is_foot
 from scenes.footholds.projection import FOOT_CLEARANCE, PALM_CLEARANCE
 from scenes.robots.robot import Robot
+from scenes.stance import Stance, changed_effector
 from scenes.terrain.packed_terrain import PackedTerrain
 
 NEAR = np.array([100.0, 30.0])  # weights of a swinging end effector's place and turn beside its contacts
@@ -70,8 +71,31 @@ def plan_one_swing(
         detour: what is added to the lowest curve.
         clearance: margin of the swinging foot or palm to the terrain [m].
     """
-    mover = schedule.phases[2 * k + 1].mover
-    before, after = schedule.stances[k].contacts[mover], schedule.stances[k + 1].contacts[mover]
+    return swing_between(robot, packed, schedule.stances[k], schedule.stances[k + 1], detour, clearance)
+
+
+def swing_between(
+    robot: Robot,
+    packed: PackedTerrain,
+    stance: Stance,
+    following: Stance,
+    detour: Detour,
+    clearance: float,
+    probe: bool = False,
+) -> SwingCurve:
+    """The curve of the effector in which two stances differ.
+
+    Args:
+        robot: its contact patches.
+        packed: the terrain.
+        stance: before the swing.
+        following: after it.
+        detour: what is added to the lowest curve.
+        clearance: margin of the swinging foot or palm to the terrain [m].
+        probe: as for `plan_swing`.
+    """
+    mover = changed_effector(stance, following)
+    before, after = stance.contacts[mover], following.contacts[mover]
     at_wall = before or after
     if at_wall is not None and (before is None or after is None):
         return hover(at_wall, HOVER + detour.raised)
@@ -85,9 +109,10 @@ def plan_one_swing(
         robot.effectors[mover].half_extent,
         FOOT_CLEARANCE if foot else PALM_CLEARANCE,
         clearance=clearance,
-        other=schedule.stances[k].contacts[1 - mover] if foot else None,
+        other=stance.contacts[1 - mover] if foot else None,
         raised=detour.raised,
         pushed=detour.pushed,
+        probe=probe,
     )
 
 

@@ -253,6 +253,10 @@ class Query:
     def _bar(self, refusal: Refusal) -> bool:
         """Forbids the transitions at fault for the planner; False where none can be named."""
         transitions = refusal.transitions()
+        if (
+            refusal.motion is not None and refusal.motion.blocked
+        ):  # on such terrain it pays to ask in the search already
+            self.planner.ask_for_swings(self._maker(refusal.sequence).swing_is_clear)
         for transition in transitions:
             self.planner.forbid(refusal.sequence, transition)
         if transitions:

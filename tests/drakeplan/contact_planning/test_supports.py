@@ -70,6 +70,9 @@ class EverythingStands:
         self.asked += 1
         return "balance"
 
+    def swing(self, before: tuple[int, ...], after: tuple[int, ...]) -> str:
+        return ""
+
     def at_com(self, held: tuple[int, ...], com: np.ndarray) -> str:
         return ""
 

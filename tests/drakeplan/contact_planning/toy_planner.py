@@ -45,6 +45,9 @@ class StraightAhead:
     def forbid(self, plan, transition) -> None:
         self.asked.append(f"forbid {transition}")
 
+    def ask_for_swings(self, swing_is_clear) -> None:
+        self.asked.append("swings")
+
     def require_static_balance(self, required: bool) -> bool:
         self.asked.append(f"static balance {required}")
         return False

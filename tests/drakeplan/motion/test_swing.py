@@ -153,6 +153,19 @@ def test_a_flat_swing_is_low_and_a_wall_in_the_way_is_reported():
     assert not plan_swing(blocked, foot([0, 0.1, 0]), foot([0.4, 0.1, 0]), SOLE, THICKNESS).clear
 
 
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.02, 0.6), st.floats(0.01, 0.15), st.floats(0.3, 0.6), st.floats(-0.1, 0.1), st.floats(0.0, 0.3))
+def test_a_probe_knows_whether_there_is_a_clear_curve(height, thick, length, turn, edge):
+    size = np.array([thick, 2.0, height])
+    up = np.array([0, 0, 1.0])
+    bar = Box("bar", size, contact_pose("left_foot", [0.5 * length, 1.0 + edge, 0.5 * height], up, turn))
+    packed = pack_terrain(Terrain((plate("ground", -1, 2, 0.0),), (bar,)))
+    ends = foot([0, 0.1, 0]), foot([length, 0.1, 0])
+    standing = foot([0.5 * length, -0.1, 0], effector="right_foot")
+    whole = plan_swing(packed, *ends, SOLE, THICKNESS, other=standing)
+    assert plan_swing(packed, *ends, SOLE, THICKNESS, other=standing, probe=True).clear == whole.clear
+
+
 def test_a_foot_goes_around_the_standing_leg():
     flat = pack_terrain(terrain_from([plate("ground", -1, 2, 0.0)]))
     standing = foot([0.25, -0.1, 0], effector="right_foot")

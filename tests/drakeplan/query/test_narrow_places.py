@@ -127,3 +127,18 @@ def test_a_beam_that_nobody_passes_is_refused_before_any_search(height: float) -
     assert isinstance(obstacle, dict)
     assert obstacle["limit"]["clearance_m"] == pytest.approx(height)
     assert seconds < 5.0  # of 20: the machine may be busy
+
+
+def partition() -> Scene:
+    """A wall that is too high to step over and low enough to look over, with a dead end before it and a lane beside it."""
+    floor = rectangle("floor", (-1.35, 1.25), (-0.65, 0.65))
+    walls = (box("along", (0.48, 0.02, 0.4), (-0.02, 0.0, 0.2)), box("across", (0.02, 0.6, 0.4), (0.21, -0.3, 0.2)))
+    return Scene("partition", Terrain((floor,), walls), Start((-1.2, 0.0, 0.0)), Goal((1.0, 0.0, 0.0)))
+
+
+@pytest.mark.slow
+def test_feet_go_round_a_wall_that_no_swing_gets_over() -> None:
+    """Every foothold is in reach of another across the wall: the search has to learn that no foot gets there."""
+    scene = partition()
+    result = plan_scene(scene, ROBOT, PlanOptions(deadline=60.0))
+    assert result.status == "complete", result.reason
