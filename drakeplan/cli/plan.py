@@ -19,6 +19,7 @@ import tyro
 
 from drakeplan.cli import supervisor
 from drakeplan.cli.arguments import Packages
+from drakeplan.cli.plan_summary import summary
 from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
 
@@ -185,7 +186,7 @@ def run(arguments: Arguments) -> int:
 
         print_json(report)
     elif result.plan is not None:
-        print(_summary(report))
+        print(summary(report))
     if not complete:
         print(f"drakeplan: no complete plan: {result.reason}", file=sys.stderr)
     return 0 if complete else 3
@@ -390,32 +391,6 @@ def _interruptible() -> Iterator[_Flag]:
         signal.signal(signal.SIGINT, before)
 
 
-def _summary(report: dict[str, object]) -> str:
-    """A few lines for people."""
-
-    def number(key: str, form: str = ".2f") -> str:
-        value = report.get(key)
-        return "-" if value is None else format(value, form)
-
-    verified = report["verified"]
-    state = "complete, verified" if report["status"] == "complete" else "contacts only"
-    if isinstance(verified, dict) and verified.get("failed"):
-        state += f", verification failed: {', '.join(verified['failed'])}"
-    lines = [
-        f"{report['scene']}, {report['robot']}, seed {report['seed']}: {state}",
-        f"  {report['stances']} stances, {report['contacts']} contacts, {report['palms_used']} with a palm;"
-        f" cost {number('cost', '.3f')}, bound {number('bound', '.3f')}",
-        f"  first contacts {number('time_to_first_s', '.3f')} s, first feasible {number('time_to_first_feasible_s')} s;"
-        f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
-        *_judges(report),
-        f"  total {number('total_s')} s, {number('peak_rss_mb', '.0f')} MB",
-    ]
-    files = report["files"]
-    if isinstance(files, dict):
-        lines += [f"  {kind:<4}  {path}" for kind, path in files.items()]
-    return "\n".join(lines)
-
-
 def seconds_since_process_start() -> float:
     """Age of this process, interpreter start-up included (Linux; elsewhere what `perf_counter` says)."""
     try:
@@ -423,15 +398,6 @@ def seconds_since_process_start() -> float:
         return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError, AttributeError):
         return time.perf_counter()
-
-
-def _judges(report: dict[str, object]) -> list[str]:
-    """A line with the number of transitions whose dynamics were evaluated by networks and by the program, if any."""
-    asked = report.get("transitions_judged")
-    if not isinstance(asked, dict) or not any(asked.values()):
-        return []
-    learned, exact = int(asked.get("learned", 0)), int(asked.get("exact", 0))
-    return [f"  {learned + exact} transitions judged: {learned} by network, {exact} by exact program"]
 
 
 def _explanation(arguments: Arguments, result: PlanResult) -> list[str]:

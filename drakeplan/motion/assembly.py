@@ -48,7 +48,8 @@ def assemble_plan(
         centroidal = PlanCentroidal(
             c.t, c.com, c.linear_momentum, c.angular_momentum, c.contact, c.force_W, c.cop_C, c.torque_n
         )
-        whole_body = PlanMotion(motion.t, motion.q, motion.v, motion.position_names, motion.velocity_names)
+        names = motion.position_names, motion.velocity_names, motion.actuator_names
+        whole_body = PlanMotion(motion.t, motion.q, motion.v, *names[:2], motion.tau, names[2])
     return Plan(
         robot=robot.name,
         robot_model=str(robot.model),

@@ -29,7 +29,7 @@ from drakeplan.timing.phases import Schedule, make_schedule
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.kinodynamic.joint_torques import motion_torques
 from optimization.kinodynamic.momentum_gap import MomentumGap
-from optimization.multibody.inverse_dynamics import effort_limits
+from optimization.multibody.inverse_dynamics import actuated_joints, effort_limits, joint_damping
 from scenes.stance import Stance
 
 FREE_BOUNDS = (
@@ -101,7 +101,9 @@ class MotionResult:
         timings: "dynamics_s" (key postures and centroidal program) and "motion_s" [s].
         problems: what is left.
         gaps: momenta of the motion less those of the dynamics, after each iteration of the two.
-        torque: greatest joint torque under the planned contact forces; None without a motion.
+        tau: (T, A) torques of the actuators under the planned contact forces [N m], from each frame to the next.
+        actuator_names: of its columns.
+        torque: the greatest of them; None without a motion.
         blocked: whether a foot or palm has no way past the terrain: known before anything is solved.
         alike: whether every transition fails for one cause, so that other contacts of the same kind would not help.
 
@@ -122,6 +124,8 @@ class MotionResult:
     timings: dict[str, float] = field(default_factory=dict)
     problems: tuple[Problem, ...] = ()
     gaps: tuple[MomentumGap, ...] = ()
+    tau: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    actuator_names: tuple[str, ...] = ()
     torque: TorqueNeed | None = None
     alike: bool = False
     blocked: bool = False
@@ -143,7 +147,8 @@ class MotionMaker:
         self.robot_plant = context.robot_plant
         ik = context.ik
         monitor = ProximityMonitor(self.robot_plant, ik.kinematics, context.packed, context.scene.terrain)
-        self.effort = effort_limits(self.robot_plant.plant)
+        plant = self.robot_plant.plant
+        self.effort, self._actuated, self._damping = effort_limits(plant), actuated_joints(plant), joint_damping(plant)
         self.setting = Setting(
             self.robot,
             ik,
@@ -249,6 +254,8 @@ class MotionMaker:
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
         plant = self.robot_plant.plant
         v = velocities(frames.q, frames.t[1] - frames.t[0])
+        tree = self.setting.ik.kinematics.tree
+        tau = motion_torques(tree, frames.t, frames.q, v, frames.trajectory, dynamics.contacts, self._damping)
         return MotionResult(
             ok=not problems,
             reason=f"the motion fails: {problems[0]}{more}" if problems else "",
@@ -263,7 +270,9 @@ class MotionMaker:
             timings=timings,
             problems=tuple(problems),
             gaps=frames.gaps,
-            torque=self._torque(frames, dynamics, v),
+            tau=tau[:, list(self._actuated.values())],
+            actuator_names=tuple(self._actuated),
+            torque=self._greatest(frames.t, tau),
         )
 
     def _blocked_swings(self, schedule: Schedule) -> list[int]:
@@ -281,12 +290,11 @@ class MotionMaker:
         clearance = self.options.clearance
         return swing_between(self.robot, self.setting.packed, stance, following, Detour(), clearance, probe=True).clear
 
-    def _torque(self, frames: MotionFrames, dynamics: SequenceDynamics, v: np.ndarray) -> TorqueNeed:
-        kinematics = self.setting.ik.kinematics
-        tau = motion_torques(kinematics.tree, frames.t, frames.q, v, frames.trajectory, dynamics.contacts)
+    def _greatest(self, t: np.ndarray, tau: np.ndarray) -> TorqueNeed:
         share = np.abs(tau) / self.effort
         frame, joint = np.unravel_index(int(share.argmax()), share.shape)
-        return TorqueNeed(float(share[frame, joint]), kinematics.joint_names[joint], float(frames.t[frame]))
+        name = self.setting.ik.kinematics.joint_names[joint]
+        return TorqueNeed(float(share[frame, joint]), name, float(t[frame]))
 
     def _longer(
         self, schedule: Schedule, result: MotionResult, shift: np.ndarray, swing: np.ndarray

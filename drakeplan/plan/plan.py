@@ -148,6 +148,10 @@ class PlanMotion:
         v: (T, nv) velocities: base angular [rad/s] and linear [m/s] in W, joints [rad/s].
         position_names: (nq,) as `MultibodyPlant.GetPositionNames` gives them.
         velocity_names: (nv,) as `MultibodyPlant.GetVelocityNames` gives them.
+        tau: (T, A) torques of the actuators [N m]: inverse dynamics of q, v and the change of v to the next frame, under
+            the planned contact forces. Row i acts over [t_i, t_i+1), the last repeats the one before. None in files of
+            earlier releases.
+        actuator_names: (A,) in the plant's order of actuators; () without `tau`.
     """
 
     t: np.ndarray
@@ -155,13 +159,18 @@ class PlanMotion:
     v: np.ndarray
     position_names: tuple[str, ...]
     velocity_names: tuple[str, ...]
+    tau: np.ndarray | None = None
+    actuator_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position_names", tuple(self.position_names))
         object.__setattr__(self, "velocity_names", tuple(self.velocity_names))
-        widths = {"q": (None, len(self.position_names)), "v": (None, len(self.velocity_names))}
+        object.__setattr__(self, "actuator_names", tuple(self.actuator_names))
+        widths: dict[str, Shape] = {"q": (None, len(self.position_names)), "v": (None, len(self.velocity_names))}
+        if self.tau is not None:
+            widths["tau"] = (None, len(self.actuator_names))
         _freeze(self, "motion", floats={"t": (None,), **widths}, indices=set())
-        _same_length(self, "motion", "t", "q", "v")
+        _same_length(self, "motion", "t", *widths)
 
     def __len__(self) -> int:
         return len(self.t)

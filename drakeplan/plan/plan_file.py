@@ -54,6 +54,10 @@ DATASETS: dict[str, tuple[str, str]] = {
     "motion/t": ("s", "time"),
     "motion/q": ("m, rad, quaternion w x y z", "W; positions in the plant's order"),
     "motion/v": ("m/s, rad/s", "W; velocities in the plant's order"),
+    "motion/tau": (
+        "N m",
+        "torques of the actuators in the plant's order, over [t_i, t_i+1), under the planned contact forces",
+    ),
 }
 
 
@@ -191,6 +195,8 @@ def _plan_bytes(plan: Plan) -> bytes:
         if plan.motion is not None:
             file["motion"].attrs["position_names"] = list(plan.motion.position_names)
             file["motion"].attrs["velocity_names"] = list(plan.motion.velocity_names)
+            if plan.motion.tau is not None:
+                file["motion"].attrs["actuator_names"] = list(plan.motion.actuator_names)
     return image.getvalue()
 
 
@@ -229,7 +235,7 @@ def _arrays(plan: Plan) -> dict[str, object]:
         if part is not None:
             for name in DATASETS:
                 folder, _, leaf = name.partition("/")
-                if folder == group:
+                if folder == group and getattr(part, leaf) is not None:
                     arrays[name] = getattr(part, leaf)
     return arrays
 
@@ -323,9 +329,10 @@ def _read_part(file: h5py.File, group: str, kind: type[Part]) -> Part:
 
 
 def _read_motion(file: h5py.File) -> PlanMotion:
-    arrays = {leaf: _numbers(file, f"motion/{leaf}") for leaf in ("t", "q", "v")}
+    has_torques = "motion/tau" in file
+    arrays = {leaf: _numbers(file, f"motion/{leaf}") for leaf in ("t", "q", "v", "tau")[: 4 if has_torques else 3]}
     names = {}
-    for key in ("position_names", "velocity_names"):
+    for key in ("position_names", "velocity_names", "actuator_names")[: 3 if has_torques else 2]:
         value = file["motion"].attrs.get(key)
         if not isinstance(value, np.ndarray) or value.ndim != 1 or not all(isinstance(name, str) for name in value):
             raise InputError(f"motion: attribute {key} is missing, expected a list of names")

@@ -9,6 +9,7 @@ What a later step refuses is forbidden for the planner (`bar`), and the search r
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from typing import Literal
@@ -242,6 +243,7 @@ class Query:
         deadline = self.context.deadline
         (deadline.whole or deadline).check("before the verification")  # a motion that is made is worth the whole's time
         plan = self._assemble(sequence, motion)
+        self.record.torque = None if motion.torque is None else dataclasses.asdict(motion.torque)
         self.tell(ProgressEvent("verify", "", self.record.cost, self.record.bound))
         began = time.perf_counter()
         report = verify_plan(plan)

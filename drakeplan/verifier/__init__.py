@@ -69,6 +69,7 @@ positions q and velocities v. #(...) counts rows. All values are the worst of th
 | angular momentum of model, RMS | root mean square over all frames | 2.5 N m s | today 2.3 (wider_gap), 1.2 elsewhere; target 2 |
 | angular momentum of model, median | median over all frames | 1 N m s | today 1.0 (wider_gap); limbs that swing all the time |
 | joint torques | abs(M vdot + C v - tau_g - sum J^T F) / actuator's limit | 2.5 | today 2.1 (jvrc1), 1.2 (others); target 1 |
+| stored torques | tau of the file, where it has any, to that of the model | 1e-6 N m | rounding, through another library |
 | self collision | depth of penetration | 5e-3 m | collision shapes are simplified |
 | terrain collision | depth of penetration | 5e-3 m | collision shapes and the terrain are simplified |
 | sole and palm collision | depth of penetration | 0.01 m | a held contact may be 5 mm and 1 deg off besides |

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .limits import ANGULAR, ANGULAR_MEDIAN, ANGULAR_RMS, COM, LINEAR, LINEAR_RMS, TORQUE
+from .limits import ANGULAR, ANGULAR_MEDIAN, ANGULAR_RMS, COM, LINEAR, LINEAR_RMS, STORED_TORQUE, TORQUE
 from .plan_file import PlanFile
 from .report import Sheet
 from .robot import RobotModel
@@ -54,3 +54,7 @@ def check_dynamics(sheet: Sheet, plan: PlanFile, robot: RobotModel, track: Track
         return f"{at(index)}, {robot.actuator_names[index[1]]}: {torque:.1f} N m of {limit:g}"
 
     sheet.add("joint torques", share, TORQUE, "", joint, empty="" if len(robot.effort) else "no actuators")
+    stored = plan.data.get("motion/tau")
+    off_by = np.zeros((0, 0)) if stored is None else np.abs(stored - np.vstack([track.torque, track.torque[-1:]]))
+    missing = "the file has none" if stored is None else "no actuators"
+    sheet.add("stored torques", off_by, STORED_TORQUE, "N m", at, empty="" if off_by.size else missing)

@@ -52,6 +52,7 @@ ANGULAR, ANGULAR_RMS = 10.0, 2.5  # [N m s] the model's angular momentum off the
 ANGULAR_MEDIAN = 1.0  # [N m s] the same in half of all frames: a few fast moments do not count, lasting motion does
 ACCELERATION = 150.0  # [rad/s^2] of a joint
 TORQUE = 2.5  # share of an actuator's limit
+STORED_TORQUE = 1e-6  # [N m]
 
 START_DISTANCE, START_YAW = 0.15, np.deg2rad(5.0)  # [m, rad] set-down may move the feet off rough ground
 START_HEIGHT = 0.15  # [m] the scene's start is at the mean height of the feet

@@ -49,6 +49,11 @@ def check_motion(sheet: Sheet, plan: PlanFile, robot: RobotModel, scene: Scene) 
         raise UnreadablePlan(f"{plan.path}: motion: its position or velocity names are not those of the model")
     if (len(names[0]), len(names[1])) != (q.shape[1], v.shape[1]) or q.shape[1] != v.shape[1] + 1:
         raise UnreadablePlan(f"{plan.path}: motion: expected {len(names[0])} positions and {len(names[1])} velocities")
+    if "motion/tau" in plan.data:
+        if plan.names["actuator_names"] != tuple(robot.actuator_names):
+            raise UnreadablePlan(f"{plan.path}: motion: its actuator names are not those of the model")
+        if plan["motion/tau"].shape[1] != len(robot.actuator_names):
+            raise UnreadablePlan(f"{plan.path}: motion: expected torques of {len(robot.actuator_names)} actuators")
 
     def at(index: tuple[int, ...], labels: Sequence[str] = ()) -> str:
         label = f", {labels[index[1]]}" if labels else ""

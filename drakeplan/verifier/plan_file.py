@@ -60,6 +60,7 @@ WHEN_COMPLETE: Layout = {
     "motion/q": ("f", ("T", "nq")),
     "motion/v": ("f", ("T", "nv")),
 }
+TORQUES: Layout = {"motion/tau": ("f", ("T", "na"))}  # not in files of earlier releases
 TEXTS = ("format", "robot", "robot_model", "robot_model_sha256", "friction_cone", "scene_name", "status", "provenance")
 
 
@@ -122,7 +123,9 @@ def _read_content(path: Path, file: h5py.File) -> PlanFile:
     mass = file.attrs.get("mass")
     if not isinstance(mass, int | float | np.number):
         raise UnreadablePlan("attribute mass: expected a number")
-    layout = ALWAYS | (SUPPORTS if version != 1 else {}) | (WHEN_COMPLETE if attributes["status"] == "complete" else {})
+    complete, torques = attributes["status"] == "complete", "motion/tau" in file
+    layout = ALWAYS | (SUPPORTS if version != 1 else {})
+    layout |= (WHEN_COMPLETE if complete else {}) | (TORQUES if complete and torques else {})
     lengths: dict[str, int] = {}
     data, text, names = {}, {}, {}
     for name, (kind, shape) in layout.items():
@@ -135,8 +138,8 @@ def _read_content(path: Path, file: h5py.File) -> PlanFile:
             data[name] = dataset[()].astype(float if kind == "f" else np.int64)
     if names["effectors"] != EFFECTORS:
         raise UnreadablePlan(f"effectors: expected {', '.join(EFFECTORS)}")
-    if attributes["status"] == "complete":
-        for key in ("position_names", "velocity_names"):
+    if complete:
+        for key in ("position_names", "velocity_names", "actuator_names"):
             names[key] = tuple(str(entry) for entry in file["motion"].attrs.get(key, ()))
     return PlanFile(path, attributes, float(mass), data, text, names)
 

@@ -14,9 +14,11 @@ from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.trajectory import CentroidalTrajectory
 from optimization.convex.sparse_rows import SparseRows
 from optimization.multibody.inverse_dynamics import inverse_dynamics
-from optimization.multibody.kinematic_tree import KinematicTree, forward, frame_jacobian
+from optimization.multibody.kinematic_tree import KinematicTree, forward, frame_jacobian, point_jacobian
 from optimization.multibody.kinematics import Kinematics
 from scenes.gravity import GRAVITY
+
+SAME_TIME = 1e-6  # [s] a frame this little before a knot is at it
 
 
 def contact_wrenches(trajectory: CentroidalTrajectory, schedule: ContactSchedule) -> np.ndarray:
@@ -38,7 +40,12 @@ def contact_wrenches(trajectory: CentroidalTrajectory, schedule: ContactSchedule
 
 
 def joint_torques(
-    tree: KinematicTree, q: np.ndarray, v: np.ndarray, vdot: np.ndarray, wrench: np.ndarray
+    tree: KinematicTree,
+    q: np.ndarray,
+    v: np.ndarray,
+    vdot: np.ndarray,
+    wrench: np.ndarray,
+    p_WC: np.ndarray | None = None,
 ) -> np.ndarray:
     """(T, nv - 6) torques [N m] of the joints of a motion under wrenches (T, E, 6) as `contact_wrenches` gives them.
 
@@ -48,9 +55,11 @@ def joint_torques(
         v: (T, nv) velocities.
         vdot: (T, nv) accelerations.
         wrench: (T, E, 6) moments [N m] about the contact points and forces [N] on the robot, in W.
+        p_WC: (T, E, 3) those points in W [m]; None: the end effectors are exactly at them.
     """
     tau = inverse_dynamics(tree, q, v, vdot)
-    _take_contacts(tree, np.array(q, dtype=float, order="C"), np.array(wrench, dtype=float, order="C"), tau)
+    about = np.full((*wrench.shape[:2], 3), np.nan) if p_WC is None else np.array(p_WC, dtype=float, order="C")
+    _take_contacts(tree, np.array(q, dtype=float, order="C"), np.array(wrench, dtype=float, order="C"), about, tau)
     return tau[:, 6:]
 
 
@@ -61,11 +70,12 @@ def motion_torques(
     v: np.ndarray,
     trajectory: CentroidalTrajectory,
     schedule: ContactSchedule,
+    damping: np.ndarray,
 ) -> np.ndarray:
     """(T, nv - 6) joint torques of a motion that is played under the forces of a trajectory [N m].
 
-    Accelerations are differences of the velocities about each frame. Forces are those of the interval that a frame
-    falls into; the mean of two at the knot between them.
+    Row i acts from frame i to the next: q and v of the frame, the change of v to the next frame as the acceleration, the
+    forces of the interval that the frame is in. The last row repeats the one before.
 
     Args:
         tree: of the robot.
@@ -73,15 +83,20 @@ def motion_torques(
         q: (T, nq).
         v: (T, nv).
         trajectory, schedule: what `schedule.contacts` carry when.
+        damping: (nv - 6,) of the joints, which the actuators overcome [N m s].
     """
-    wrench = contact_wrenches(trajectory, schedule)
-    last = len(trajectory.t) - 2
-    ahead, behind = (np.clip(np.searchsorted(trajectory.t, t + e, side="right") - 1, 0, last) for e in (1e-6, -1e-6))
-    return joint_torques(tree, q, v, np.gradient(v, t, axis=0), 0.5 * (wrench[ahead] + wrench[behind]))
+    knot = np.searchsorted(trajectory.t, t[:-1] + SAME_TIME, side="right") - 1
+    knot = np.clip(knot, 0, len(trajectory.t) - 2)
+    p_WC = schedule.poses()[0][trajectory.contact[knot]]  # where none is held there is no force
+    wrench = contact_wrenches(trajectory, schedule)[knot]
+    tau = joint_torques(tree, q[:-1], v[:-1], np.diff(v, axis=0) / np.diff(t)[:, None], wrench, p_WC)
+    tau += damping * v[:-1, 6:]
+    return np.concatenate([tau, tau[-1:]])
 
 
 @njit(cache=True)
-def _take_contacts(tree: KinematicTree, q: np.ndarray, wrench: np.ndarray, tau: np.ndarray) -> None:
+def _take_contacts(tree: KinematicTree, q: np.ndarray, wrench: np.ndarray, p_WC: np.ndarray, tau: np.ndarray) -> None:
+    """Subtracts sum_e J_e^T w_e; the wrenches act at p_WC (T, E, 3), where that is NaN at the end effectors."""
     n, nv = tree.parent.shape[0], tau.shape[1]
     R, p, J = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((6, nv))
     for t in range(q.shape[0]):
@@ -89,7 +104,11 @@ def _take_contacts(tree: KinematicTree, q: np.ndarray, wrench: np.ndarray, tau: 
         for e in range(wrench.shape[1]):
             if not wrench[t, e].any():
                 continue
-            frame_jacobian(tree, R, p, e, J)
+            if np.isnan(p_WC[t, e, 0]):
+                frame_jacobian(tree, R, p, e, J)
+            else:
+                x, y, z = p_WC[t, e, 0], p_WC[t, e, 1], p_WC[t, e, 2]
+                point_jacobian(tree, R, p, tree.frame_link[e], x, y, z, J)
             for i in range(nv):
                 for a in range(6):
                     tau[t, i] -= J[a, i] * wrench[t, e, a]

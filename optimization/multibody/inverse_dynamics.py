@@ -30,15 +30,27 @@ def inverse_dynamics(tree: KinematicTree, q: np.ndarray, v: np.ndarray, vdot: np
     return tau
 
 
-def effort_limits(plant: MultibodyPlant) -> np.ndarray:
-    """(nv - 6,) greatest torque [N m] or force [N] of each joint in the order of v[6:], inf where the model has none.
+def actuated_joints(plant: MultibodyPlant) -> dict[str, int]:
+    """Place of each actuator's joint in v[6:], by the actuator's name, in the plant's order of actuators."""
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    return {a.name(): a.joint().velocity_start() - 6 for a in actuators}
 
-    Actuators come in another order than velocities.
-    """
+
+def joint_damping(plant: MultibodyPlant) -> np.ndarray:
+    """(nv - 6,) viscous damping of each joint in the order of v[6:] [N m s]."""
+    damping = np.zeros(plant.num_velocities() - 6)
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        if joint.num_velocities() == 1:
+            damping[joint.velocity_start() - 6] = joint.default_damping_vector()[0]
+    return damping
+
+
+def effort_limits(plant: MultibodyPlant) -> np.ndarray:
+    """(nv - 6,) greatest torque [N m] or force [N] of each joint in the order of v[6:], inf where the model has none."""
     limit = np.full(plant.num_velocities() - 6, np.inf)
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
-        limit[actuator.joint().velocity_start() - 6] = actuator.effort_limit()
+    for name, joint in actuated_joints(plant).items():
+        limit[joint] = plant.GetJointActuatorByName(name).effort_limit()
     return limit
 
 

@@ -133,7 +133,9 @@ def _motion(robot, stances: list[Stance], duration: float) -> PlanMotion:
         joint = next(i for i, n in enumerate(names) if name in n)
         q[:, joint] += swing * np.sin(np.pi * t / STANCE_TIME)
     velocity_names = tuple(plant.GetVelocityNames())
-    return PlanMotion(t, q, np.zeros((len(t), len(velocity_names))), names, velocity_names)
+    actuators = tuple(plant.get_joint_actuator(index).name() for index in plant.GetJointActuatorIndices())
+    tau = np.outer(np.sin(t), np.arange(len(actuators)))
+    return PlanMotion(t, q, np.zeros((len(t), len(velocity_names))), names, velocity_names, tau, actuators)
 
 
 # ---- two steps along a wall

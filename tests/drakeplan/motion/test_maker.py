@@ -171,25 +171,26 @@ def test_drakes_joint_torques_are_those_reported_and_within_the_limits(walk):
         a.joint().velocity_start(): a.effort_limit()
         for a in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     }
+    names = [plant.get_joint_actuator(i).name() for i in plant.GetJointActuatorIndices()]
+    joints = [plant.get_joint_actuator(i).joint().velocity_start() for i in plant.GetJointActuatorIndices()]
+    assert result.actuator_names == tuple(names)
+    assert result.tau.shape == (len(result.t), len(names))
+    assert np.array_equal(result.tau[-1], result.tau[-2])
     for n, t in enumerate(result.t[:-1]):
-        knots = np.flatnonzero((c.t <= t + 1e-6) & (np.append(c.t[1:], np.inf) >= t - 1e-6))[:2]
-        knots = knots[knots < len(c.t) - 1]
+        k = min(np.flatnonzero(c.t <= t + 1e-6)[-1], len(c.t) - 2)
         plant.SetPositions(context, result.q[n])
         plant.SetVelocities(context, result.v[n])
-        forces.SetZero()
-        for k in knots:
-            for e, spec in enumerate(ROBOT.effectors):
-                if c.contact[k, e] < 0:
-                    continue
-                X_WC = result.schedule.contacts[c.contact[k, e]].X_WC
-                force, frame = c.force_W[k, e], plant.GetFrameByName(spec.frame)
-                moment = np.cross(X_WC[:3, :2] @ c.cop_C[k, e], force) + X_WC[:3, 2] * c.torque_n[k, e]
-                p_BE = frame.CalcPose(context, frame.body().body_frame()).translation()
-                spatial = SpatialForce(moment / len(knots), force / len(knots))
-                frame.body().AddInForce(context, p_BE, spatial, plant.world_frame(), forces)
-        before, after = max(n - 1, 0), n + 1
-        vdot = (result.v[after] - result.v[before]) / (0.02 * (after - before))
-        tau = plant.CalcInverseDynamics(context, vdot, forces) - plant.CalcGravityGeneralizedForces(context)
+        plant.CalcForceElementsContribution(context, forces)  # gravity and the joints' damping
+        for e, spec in enumerate(ROBOT.effectors):
+            if c.contact[k, e] < 0:
+                continue
+            X_WC = result.schedule.contacts[c.contact[k, e]].X_WC
+            force, body = c.force_W[k, e], plant.GetFrameByName(spec.frame).body()
+            moment = np.cross(X_WC[:3, :2] @ c.cop_C[k, e], force) + X_WC[:3, 2] * c.torque_n[k, e]
+            p_BC_W = X_WC[:3, 3] - body.EvalPoseInWorld(context).translation()
+            body.AddInForce(context, p_BC_W, SpatialForce(moment, force), plant.world_frame(), forces)
+        tau = plant.CalcInverseDynamics(context, (result.v[n + 1] - result.v[n]) / 0.02, forces)
+        assert np.abs(tau[joints] - result.tau[n]).max() < 1e-9
         greatest = max(greatest, *(abs(tau[j]) / most for j, most in limit.items()))
     assert greatest == pytest.approx(result.torque.share, rel=1e-6)
     assert greatest < 1.0

@@ -180,6 +180,13 @@ MOTION = {
     *(f"{kind} momentum of model{part}" for kind in ("linear", "angular") for part in ("", ", RMS", ", median")),
 }
 # Smooth motions with the velocities that belong to them: no other check catches these.
+def torques(file: h5py.File) -> None:
+    """No torque in any joint."""
+    names = RobotModel(Path(file.attrs["robot_model"])).actuator_names
+    file["motion/tau"] = np.zeros((len(file["motion/t"]), len(names)))
+    file["motion"].attrs["actuator_names"] = names
+
+
 SMOOTH_MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     "both shoulders swung in antiphase for a while": (
         oscillate({"left_shoulder_pitch_q": 0.9, "right_shoulder_pitch_q": -0.9}, 18.0, *PALMS_FREE),
@@ -324,6 +331,7 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
     "a pillar in the way": (pillar_at(0.2, 0.3), {"terrain collision"}),
     "a low ceiling": (plate("[[-1, -1, 1.3], [-1, 1, 1.3], [1, 1, 1.3], [1, -1, 1.3]]"), {"terrain collision"}),
     "feet that push each other apart beyond the hips' torque": (push(1000.0), {"joint torques", "wrench in true cone"}),
+    "torques of no motion": (torques, {"stored torques"}),
     "both shoulders swung in antiphase all the time": (
         oscillate({"left_shoulder_pitch_q": SWING, "right_shoulder_pitch_q": -SWING}, 12.0, 0.1, 9.7),
         {"angular momentum of model, median"},

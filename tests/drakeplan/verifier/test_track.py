@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
+from drakeplan.verifier import UnreadablePlan, verify
 from drakeplan.verifier.plan_file import PlanFile, read_plan
 from drakeplan.verifier.robot import RobotModel
 from drakeplan.verifier.track import follow
@@ -100,3 +103,48 @@ def test_a_faster_joint_takes_torque_for_its_inertia_and_damping(standing: PlanF
     moving = dataclasses.replace(standing, data=standing.data | {"motion/v": v})
     steady = follow(robot, moving, []).torque[0, joint] - follow(robot, standing, []).torque[0, joint]
     assert steady == pytest.approx(0.1 * 2.0, abs=0.02)  # escher's damping [N m s/rad]
+
+
+@pytest.fixture(scope="module")
+def with_torques(good: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The plan that holds, with the torques that its model needs."""
+    path = tmp_path_factory.mktemp("torques") / "good.h5"
+    shutil.copy(good, path)
+    plan = read_plan(good)
+    model = RobotModel(Path(plan.attributes["robot_model"]))
+    torque = follow(model, plan, []).torque
+    with h5py.File(path, "r+") as file:
+        file["motion/tau"] = np.vstack([torque, torque[-1:]])
+        file["motion"].attrs["actuator_names"] = model.actuator_names
+    return path
+
+
+def test_torques_in_the_file_are_those_of_the_model(good: Path, with_torques: Path, tmp_path: Path) -> None:
+    assert verify(with_torques).check("stored torques").ok
+    assert verify(good).check("stored torques").where == "the file has none"
+    for row in (3, -1):
+        path = tmp_path / f"{row}.h5"
+        shutil.copy(with_torques, path)
+        with h5py.File(path, "r+") as file:
+            file["motion/tau"][row, 4] += 1e-3
+        report = verify(path)
+        assert report.failed == ("stored torques",)
+        assert report.check("stored torques").worst == pytest.approx(1e-3)
+
+
+def test_torques_of_other_actuators_cannot_be_read(with_torques: Path, tmp_path: Path) -> None:
+    def names(file: h5py.File) -> None:
+        file["motion"].attrs["actuator_names"] = list(file["motion"].attrs["actuator_names"])[::-1]
+
+    def width(file: h5py.File) -> None:
+        tau = file["motion/tau"][:, 1:]
+        del file["motion/tau"]
+        file["motion/tau"] = tau
+
+    for number, (damage, said) in enumerate(((names, "actuator names"), (width, "actuators"))):
+        path = tmp_path / f"{number}.h5"
+        shutil.copy(with_torques, path)
+        with h5py.File(path, "r+") as file:
+            damage(file)
+        with pytest.raises(UnreadablePlan, match=said):
+            verify(path)
