@@ -179,6 +179,8 @@ MOTION = {
     "joint accelerations",
     *(f"{kind} momentum of model{part}" for kind in ("linear", "angular") for part in ("", ", RMS", ", median")),
 }
+
+
 # Smooth motions with the velocities that belong to them: no other check catches these.
 def torques(file: h5py.File) -> None:
     """No torque in any joint."""
