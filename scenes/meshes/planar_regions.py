@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 import shapely
+from numba import njit
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -182,7 +183,9 @@ def buried_part(
     inner = outline.buffer(-10 * GRID)
     shapely.prepare(inner)
     if not inner.is_empty and not shapely.intersects(inner, lines).any():  # most regions of a rough mesh: one cell
-        within = [part for part in shapely.get_parts(inner) if _winding(_inside(part), segments) > 0.5]
+        parts = shapely.get_parts(inner)
+        inside = shapely.get_coordinates(shapely.point_on_surface(parts))
+        within = parts[[_winds_round(point[None], segments) for point in inside]]
         return (
             outline if len(within) == shapely.get_num_geometries(inner) else shapely.union_all(within).buffer(20 * GRID)
         )
@@ -190,20 +193,13 @@ def buried_part(
     noded = shapely.union_all([*lines[~shapely.is_empty(lines)], frame.exterior], grid_size=GRID)
     cells = shapely.get_parts(shapely.polygonize([noded]))
     cells = cells[shapely.intersects(cells, outline) & shapely.contains(frame.buffer(10 * GRID), cells)]
-    solid = [cell for cell in cells if _is_solid(cell, segments)]
+    # Where a body has a hole in it, segments wind round a part of a cell only: all of its parts are looked at.
+    triangles, cell = shapely.get_parts(shapely.constrained_delaunay_triangles(cells), return_index=True)
+    samples = np.split(
+        shapely.get_coordinates(shapely.centroid(triangles)), np.searchsorted(cell, np.arange(1, len(cells)))
+    )
+    solid = [c for c, points in zip(cells, samples, strict=True) if len(points) and _winds_round(points, segments)]
     return shapely.union_all(solid, grid_size=GRID)
-
-
-def _is_solid(cell: Polygon, segments: np.ndarray) -> bool:
-    """Whether segments wind round all of a cell; where a body has a hole in it, they do so round a part only."""
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(cell))
-    samples = shapely.get_coordinates(shapely.centroid(triangles))
-    return len(samples) > 0 and all(_winding(point, segments) > 0.5 for point in samples)
-
-
-def _inside(part: Polygon) -> np.ndarray:
-    """(2,) a point of a polygon."""
-    return shapely.get_coordinates(shapely.point_on_surface(part))[0]
 
 
 def _section(
@@ -223,8 +219,29 @@ def _section(
     return segments
 
 
-def _winding(point: np.ndarray, segments: np.ndarray) -> float:
-    """How often (S, 2, 2) segments wind round a point counter-clockwise; a fraction where they do not close."""
-    a, b = segments[:, 0] - point, segments[:, 1] - point
-    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return float(np.arctan2(cross, (a * b).sum(axis=1)).sum() / (2 * np.pi))
+@njit(cache=True)
+def _winds_round(points: np.ndarray, segments: np.ndarray) -> bool:
+    """Whether (S, 2, 2) segments wind more than half a turn round each of the points (P, 2), counter-clockwise.
+
+    The angles at which a point sees the segments add up to whole turns where these close, and to less where they do not.
+    The complex numbers of those angles are multiplied; a turn is full where the product passes the negative axis.
+    """
+    for point in points:
+        x, y, turns = 1.0, 0.0, 0
+        for k in range(segments.shape[0]):
+            ax, ay = segments[k, 0, 0] - point[0], segments[k, 0, 1] - point[1]
+            bx, by = segments[k, 1, 0] - point[0], segments[k, 1, 1] - point[1]
+            real, imaginary = ax * bx + ay * by, ax * by - ay * bx
+            before = y
+            x, y = x * real - y * imaginary, x * imaginary + y * real
+            scale = max(abs(x), abs(y))
+            if scale == 0.0:
+                return False  # on a segment
+            x, y = x / scale, y / scale
+            if imaginary > 0.0 and before > 0.0 and y < 0.0:
+                turns += 1
+            elif imaginary < 0.0 and before < 0.0 and y > 0.0:
+                turns -= 1
+        if turns + np.arctan2(y, x) / (2.0 * np.pi) <= 0.5:
+            return False
+    return True

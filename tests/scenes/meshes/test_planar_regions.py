@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from scenes.meshes.mesh_file import drop_degenerate
 from scenes.meshes.mesh_orientation import Bodies
-from scenes.meshes.planar_regions import BURIED, planar_regions
+from scenes.meshes.planar_regions import BURIED, _winds_round, planar_regions
 from scenes.pose import pose_matrix
 
 ANYWHERE = np.pi
@@ -112,3 +114,20 @@ def test_a_cylinder_has_a_round_top_and_sides_as_wide_as_its_facets():
     assert max(r.outline.area for r in up(found)) == pytest.approx(0.5 * 16 * 0.25 * np.sin(2 * np.pi / 16), rel=1e-3)
     sides = [r for r in found if abs(r.axes[2, 2]) < 1e-6]
     assert len(sides) == 16
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.booleans())
+def test_half_a_turn_is_told_as_by_the_sum_of_the_angles(seed: int, count: int, closed: bool) -> None:
+    """Closed curves that cross themselves, some of them wound the other way, and what is left when segments are missing."""
+    rng = np.random.default_rng(seed)
+    curves = [rng.normal(size=(count, 2)) for _ in range(rng.integers(1, 4))]
+    segments = np.concatenate([np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in curves])
+    if not closed:
+        segments = segments[rng.random(len(segments)) < 0.8]
+    for point in rng.normal(size=(20, 2)):
+        a, b = segments[:, 0] - point, segments[:, 1] - point
+        turns = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1)).sum() / (2 * np.pi)
+        if abs(turns - 0.5) > 1e-9:
+            assert _winds_round(point[None], segments) == (turns > 0.5)
+    assert _winds_round(np.zeros((0, 2)), segments)
