@@ -21,6 +21,7 @@ COMMANDS = {
     "plan": "plan a crossing: contacts, forces and a whole-body motion, verified",
     "verify": "check a plan file with code that shares nothing with the planner",
     "play": "show a plan in the browser, or write it as one HTML page",
+    "simulate": "play a plan in physics, and say whether the robot arrives",
     "scenes": "list, show and export terrains",
     "robots": "list robots, or print the model file of one",
     "collect": "gather training data for surrogates, on this machine or a cluster",
@@ -41,6 +42,7 @@ examples:
   drakeplan plan rubble_corridor --out plan.h5 --html plan.html
   drakeplan verify plan.h5
   drakeplan play plan.h5
+  drakeplan simulate plan.h5
   drakeplan scenes list
 """
 

@@ -100,8 +100,9 @@ def plan_scene(
         and record.expansions
         and not hopeless
     ):
-        why = f" ({result.reason})" if result.status == "contacts" else ""
-        record.notes.append(f"no verified plan with learned dynamics{why}; planned again with quasi-static dynamics")
+        record.notes.append(
+            f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
+        )
         tell(ProgressEvent("search", record.notes[-1]))
         second = _attempt(context, options, "quasi-static", record, tell)
         result = dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))

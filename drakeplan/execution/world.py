@@ -1,0 +1,271 @@
+"""A plan's terrain and robot in Drake's discrete physics.
+
+Soles and palms touch with small spheres at the corners of their patches and of every support that the plan uses. A sphere
+on a Box is exact; on a Convex plate Drake's collision library now and then returns a wrong face (15 mm of depth where 1.4
+is right, measured once). So rectangles are Boxes, and where a plan stands on other polygons its soles are compliant boxes
+in hydroelastic contact instead.
+"""
+
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Box,
+    CollisionFilterDeclaration,
+    Convex,
+    GeometrySet,
+    ProximityProperties,
+    Role,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlantConfig
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drakeplan.plan.plan import Plan
+from scenes.effector import is_foot
+from scenes.files.scene_file import scene_from_yaml
+from scenes.terrain.surface import Surface
+from scenes.terrain.terrain import Box as BoxObstacle
+
+PLATE = 0.03  # [m] thickness of a rectangle, down from its face
+SLAB = 0.10  # [m] the same of another polygon
+CORNER = 0.004  # [m] radius of the spheres that touch
+RING = [(1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]  # of a patch, in half extents
+INNER = 0.75  # size of a second ring
+APART = 0.01  # [m] spheres nearer than this to one that is there already are left out
+FOOT_DEPTH, PALM_DEPTH = 0.03, 0.02  # [m] of the box behind a patch
+GRIP = (
+    1e6  # friction of the robot: Drake combines two as 2 m n / (m + n), half the terrain's and this give the terrain's
+)
+
+
+@dataclass(frozen=True)
+class Physics:
+    """How the world is simulated.
+
+    Attributes:
+        step: of time [s].
+        stiffness: of each touching sphere [N/m].
+        dissipation: of every contact [s/m] (Hunt and Crossley).
+        modulus: of compliant soles [Pa].
+        friction: of all terrain; None: as the plan says.
+    """
+
+    step: float = 2e-3
+    stiffness: float = 2e5
+    dissipation: float = 0.5
+    modulus: float = 5e6
+    friction: float | None = None
+
+
+class World:
+    """The robot of a plan on its terrain.
+
+    Attributes:
+        plant: both.
+        simulator: of them.
+        soft: whether soles are compliant boxes, as the plan stands on polygons that are no rectangles.
+        left_out: triangles of meshes that no surface stands for and that nothing can collide with here.
+    """
+
+    def __init__(self, plan: Plan, model: str, physics: Physics) -> None:
+        """Builds the simulation.
+
+        Args:
+            plan: with its scene.
+            model: file of the robot's model.
+            physics: options.
+        """
+        self._physics = physics
+        terrain = scene_from_yaml(plan.scene_yaml, "the plan").terrain
+        used = {int(k) for k in plan.contacts.surface if k >= 0}
+        self.soft = any(_as_box(terrain.surfaces[k]) is None for k in used)
+        builder = DiagramBuilder()
+        kind = "hydroelastic_with_fallback" if self.soft else "point"
+        config = MultibodyPlantConfig(
+            time_step=physics.step, contact_model=kind, discrete_contact_approximation="lagged"
+        )
+        self.plant, self._graph = AddMultibodyPlant(config, builder)
+        Parser(self.plant).AddModels(model)
+        for number, surface in enumerate(terrain.surfaces):
+            self._add_surface(number, surface)
+        boxes = [o for o in terrain.obstacles if isinstance(o, BoxObstacle)]
+        for box in boxes:
+            X_WO = RigidTransform(box.X_WO)
+            self.plant.RegisterCollisionGeometry(
+                self.plant.world_body(), X_WO, Box(*box.size), f"obstacle {box.name}", self._ground(0.5)
+            )
+        self.left_out = len(plan.triangles) - sum(len(box.triangles()) for box in boxes)
+        self._patches = [self.plant.GetFrameByName(name).body() for name in plan.effectors]
+        for e in range(len(plan.effectors)):
+            self._add_patch(plan, e)
+        self.plant.Finalize()
+        self._exclude_neighbours()
+        self.simulator = Simulator(builder.Build())
+        self._context = self.plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+        self._actuation = self.plant.get_actuation_input_port()
+        self._actuation.FixValue(self._context, np.zeros(self.plant.num_actuators()))
+        self._numbers = {int(body.index()): e for e, body in enumerate(self._patches)}
+
+    def begin(self, q: np.ndarray) -> None:
+        """Puts the robot at rest into a configuration (nq,)."""
+        self.plant.SetPositions(self._context, q)
+        self.plant.SetVelocities(self._context, np.zeros(self.plant.num_velocities()))
+        self.simulator.Initialize()
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """(nq,) configuration and (nv,) velocity."""
+        return self.plant.GetPositions(self._context), self.plant.GetVelocities(self._context)
+
+    def push(self, change: np.ndarray) -> None:
+        """Changes the velocity of the whole robot at once, by (3,) [m/s]."""
+        v = self.plant.GetVelocities(self._context).copy()
+        v[3:6] += change
+        self.plant.SetVelocities(self._context, v)
+
+    def advance(self, time: float, u: np.ndarray) -> None:
+        """Simulates on.
+
+        Args:
+            time: to which [s].
+            u: (A,) torques of the actuators [N m].
+
+        Raises:
+            RuntimeError: Drake's solver finds no next state.
+        """
+        self._actuation.FixValue(self._context, u)
+        self.simulator.AdvanceTo(time)
+
+    def contacts(self) -> tuple[np.ndarray, list[str]]:
+        """(E, 3) force on each sole and palm in W [N], and pairs of bodies that touch and should not."""
+        force, others = np.zeros((len(self._patches), 3)), []
+        results = self.plant.get_contact_results_output_port().Eval(self._context)
+        touches = []
+        for i in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(i)
+            touches.append((int(info.bodyA_index()), int(info.bodyB_index()), -info.contact_force()))
+        inspector = self._graph.model_inspector()
+        for i in range(results.num_hydroelastic_contacts()):
+            info = results.hydroelastic_contact_info(i)
+            surface = info.contact_surface()
+            a, b = (
+                int(self.plant.GetBodyFromFrameId(inspector.GetFrameId(side)).index())
+                for side in (surface.id_M(), surface.id_N())
+            )
+            touches.append((a, b, info.F_Ac_W().translational()))
+        for a, b, on_a in touches:
+            if a in self._numbers:
+                force[self._numbers[a]] += on_a
+            if b in self._numbers:
+                force[self._numbers[b]] -= on_a
+            if 0 not in (a, b) or not {a, b} & set(self._numbers):
+                others.append("/".join(self.plant.get_body(BodyIndex(k)).name() for k in (a, b)))
+        return force, others
+
+    def _ground(self, friction: float) -> ProximityProperties:
+        properties = ProximityProperties()
+        mu = 0.5 * (friction if self._physics.friction is None else self._physics.friction)
+        AddContactMaterial(
+            dissipation=self._physics.dissipation,
+            point_stiffness=2 * self._physics.stiffness,
+            friction=CoulombFriction(mu, mu),
+            properties=properties,
+        )
+        if self.soft:
+            AddRigidHydroelasticProperties(0.1, properties)
+        return properties
+
+    def _add_surface(self, number: int, surface: Surface) -> None:
+        box, material = _as_box(surface), self._ground(surface.friction)
+        world, name = self.plant.world_body(), f"surface {number}"
+        if box is not None:
+            X_WB, size = box
+            self.plant.RegisterCollisionGeometry(world, X_WB, Box(*size, PLATE), name, material)
+            return
+        down = np.array([0.0, 0.0, -1.0]) if surface.normal[2] > 0.7 else -surface.normal
+        corners = np.vstack([surface.vertices, surface.vertices + SLAB * down])
+        self.plant.RegisterCollisionGeometry(world, RigidTransform(), Convex(corners.T, name), name, material)
+
+    def _add_patch(self, plan: Plan, e: int) -> None:
+        """Spheres or a compliant box in place of what the model has for a sole or palm."""
+        body, half = self._patches[e], plan.half_extent[e]
+        X_BE = self.plant.GetFrameByName(plan.effectors[e]).GetFixedPoseInBodyFrame()
+        for old in self.plant.GetCollisionGeometriesForBody(body):
+            self._graph.RemoveRole(self.plant.get_source_id(), old, Role.kProximity)
+        depth = FOOT_DEPTH if is_foot(plan.effectors[e]) else PALM_DEPTH
+        properties = ProximityProperties()
+        AddContactMaterial(
+            dissipation=self._physics.dissipation,
+            point_stiffness=2 * self._physics.stiffness,
+            friction=CoulombFriction(GRIP, GRIP),
+            properties=properties,
+        )
+        if self.soft:
+            AddCompliantHydroelasticProperties(0.05, self._physics.modulus, properties)
+            X_BG = X_BE @ RigidTransform([0, 0, 0.5 * depth])
+            self.plant.RegisterCollisionGeometry(body, X_BG, Box(*(2 * half), depth), f"patch {e}", properties)
+            return
+        for k, (x, y) in enumerate(_touching_points(plan, e)):
+            X_BG = X_BE @ RigidTransform([x, y, CORNER])
+            self.plant.RegisterCollisionGeometry(body, X_BG, Sphere(CORNER), f"corner {k} of {e}", properties)
+        lift = 1.5 * CORNER  # the box between the corners only keeps edges of the terrain out
+        X_BG = X_BE @ RigidTransform([0, 0, 0.5 * (depth + lift)])
+        size = (*(2 * half - 0.002), depth - lift)
+        self.plant.RegisterCollisionGeometry(body, X_BG, Box(*size), f"patch {e}", properties)
+
+    def _exclude_neighbours(self) -> None:
+        """Geometry added after parsing escapes the model's filters: a patch ignores the two links that carry it."""
+        parents = {}
+        for index in self.plant.GetJointIndices():
+            joint = self.plant.get_joint(index)
+            parents[joint.child_body().name()] = joint.parent_body()
+        for body in self._patches:
+            near, link = [], body
+            for _ in range(3):
+                link = parents.get(link.name())
+                if link is None:
+                    break
+                near += self.plant.GetCollisionGeometriesForBody(link)
+            mine = GeometrySet(self.plant.GetCollisionGeometriesForBody(body))
+            filters = self._graph.collision_filter_manager()
+            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(mine, GeometrySet(near)))
+
+
+def _touching_points(plan: Plan, e: int) -> list[np.ndarray]:
+    """(2,) points of a patch that touch: two rings, and the corners of every support of its contacts [m].
+
+    With its corners alone a sole whose corner is over an edge would tilt until its middle touches.
+    """
+    half = plan.half_extent[e]
+    points = [half * np.array(p) for p in RING] + [INNER * half * np.array(p) for p in RING]
+    for k in np.flatnonzero(plan.contacts.effector == e):
+        for corner in plan.contacts.corners(int(k)):
+            if min(np.linalg.norm(corner - p) for p in points) > APART:
+                points.append(corner)
+    return points
+
+
+def _as_box(surface: Surface) -> tuple[RigidTransform, tuple[float, float]] | None:
+    """Pose and edges of the plate under a rectangle, None where the surface is another polygon."""
+    V = surface.vertices
+    if len(V) != 4:
+        return None
+    a, b = V[1] - V[0], V[3] - V[0]
+    if np.linalg.norm(V[0] + a + b - V[2]) > 1e-5 or abs(a @ b) > 1e-5:
+        return None
+    x = a / np.linalg.norm(a)
+    R = np.column_stack([x, np.cross(surface.normal, x), surface.normal])
+    X_WB = RigidTransform(RotationMatrix(R), V.mean(axis=0) - 0.5 * PLATE * surface.normal)
+    return X_WB, (float(np.linalg.norm(a)), float(np.linalg.norm(b)))
