@@ -77,7 +77,8 @@ def run(arguments: Arguments) -> int:
     with ProgressPrinter(sys.stderr) as progress:
 
         def tell(s: float, duration: float) -> None:
-            progress(ProgressEvent("simulate", f"{s:.1f} of {duration:.1f} s of the plan"))
+            tenth = 10 * int(10.0 * min(s / duration, 1.0))  # a line for each tenth where there is no terminal
+            progress(ProgressEvent("simulate", f"{tenth} % of {duration:.1f} s"))
 
         report = play_plan(plan, str(robot.model), options, tell)
         if arguments.html is not None:

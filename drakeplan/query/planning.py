@@ -152,7 +152,9 @@ def _at_rest_or_moving(
     result = _attempt(context, options, dynamics, record, tell, rest="only", share=LEARNED_SHARE)
     if result.status != "none" or not record.expansions or context.deadline.why():
         return result
-    record.notes.append("no way with learned dynamics and places to rest; planned again with quasi-static dynamics")
+    record.notes.append(
+        f"no way with learned dynamics and places to rest ({result.reason}); planned again with quasi-static dynamics"
+    )
     tell(ProgressEvent("search", record.notes[-1]))
     resting = _attempt(context, options, "quasi-static", record, tell, share=RESTING_SHARE)
     if resting.status == "complete" or context.deadline.why():
