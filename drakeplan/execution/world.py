@@ -43,6 +43,7 @@ PLATE = 0.03  # [m] thickness of a rectangle, down from its face
 SLAB = 0.10  # [m] the same of another polygon
 CORNER = 0.004  # [m] radius of the spheres that touch
 RING = [(1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]  # of a patch, in half extents
+NEIGHBOURS = 3  # joints up the limb: links up to there do not collide with its patch
 INNER = 0.75  # size of a second ring
 APART = 0.01  # [m] spheres nearer than this to one that is there already are left out
 FOOT_DEPTH, PALM_DEPTH = 0.03, 0.02  # [m] of the box behind a patch
@@ -199,11 +200,12 @@ class World:
         self.plant.RegisterCollisionGeometry(world, RigidTransform(), Convex(corners.T, name), name, material)
 
     def _add_patch(self, plan: Plan, e: int) -> None:
-        """Spheres or a compliant box in place of what the model has for a sole or palm."""
+        """Spheres or a compliant box in place of what the model has for a sole or palm and what is welded to it."""
         body, half = self._patches[e], plan.half_extent[e]
         X_BE = self.plant.GetFrameByName(plan.effectors[e]).GetFixedPoseInBodyFrame()
-        for old in self.plant.GetCollisionGeometriesForBody(body):
-            self._graph.RemoveRole(self.plant.get_source_id(), old, Role.kProximity)
+        for part in self.plant.GetBodiesWeldedTo(body):
+            for old in self.plant.GetCollisionGeometriesForBody(part):
+                self._graph.RemoveRole(self.plant.get_source_id(), old, Role.kProximity)
         depth = FOOT_DEPTH if is_foot(plan.effectors[e]) else PALM_DEPTH
         properties = ProximityProperties()
         AddContactMaterial(
@@ -226,17 +228,16 @@ class World:
         self.plant.RegisterCollisionGeometry(body, X_BG, Box(*size), f"patch {e}", properties)
 
     def _exclude_neighbours(self) -> None:
-        """Geometry added after parsing escapes the model's filters: a patch ignores the two links that carry it."""
+        """Geometry added after parsing escapes the model's filters: a patch ignores the links that carry it."""
         parents = {}
         for index in self.plant.GetJointIndices():
             joint = self.plant.get_joint(index)
-            parents[joint.child_body().name()] = joint.parent_body()
+            parents[joint.child_body().index()] = joint.parent_body(), joint.num_velocities() > 0
         for body in self._patches:
-            near, link = [], body
-            for _ in range(3):
-                link = parents.get(link.name())
-                if link is None:
-                    break
+            near, link, moving = [], body, 0
+            while link.index() in parents and moving < NEIGHBOURS:
+                link, free = parents[link.index()]
+                moving += free
                 near += self.plant.GetCollisionGeometriesForBody(link)
             mine = GeometrySet(self.plant.GetCollisionGeometriesForBody(body))
             filters = self._graph.collision_filter_manager()
