@@ -66,7 +66,7 @@ class Physics:
 
     step: float = 2e-3
     stiffness: float = 2e5
-    dissipation: float = 0.5
+    dissipation: float = 5.0
     modulus: float = 5e6
     friction: float | None = None
 
