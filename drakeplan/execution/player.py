@@ -145,6 +145,7 @@ class _Player:
             self.controller.look(*self._measured(q, v))
             self._switch_phases()
             self._take_early_touches()
+            self._set_rate()
             sample = reference.at(self.s)
             u = self.controller.torques(sample, self._rate(), self._tasks())
             self._count(sample, force, others)
@@ -246,14 +247,17 @@ class _Player:
                 self._take(e, int(contact))
                 self.early += not self._stalled()
 
-    def _rate(self) -> float:
-        """Seconds of the plan in a second; 0 while it waits."""
+    def _set_rate(self) -> None:
+        """Slows the plan down while palms alone move, and lets it run again, gently."""
         now, following = self._now(), self._next()
         before = self.phases.contact[max(self.phase - 1, 0)]
         moving = [e for e, c in enumerate(now) if c < 0 and (following[e] >= 0 or before[e] >= 0)]
         wanted = PALM_SPEED if moving and not any(self.feet[e] for e in moving) else 1.0
         most = 2.0 * self.options.period
         self.rate += float(np.clip(wanted - self.rate, -most, most))
+
+    def _rate(self) -> float:
+        """Seconds of the plan in a second; 0 while it waits."""
         return 0.0 if self._stalled() else self.rate
 
     # What the end effectors do ---------------------------------------------------------------------------------------

@@ -244,7 +244,9 @@ def test_three_minutes_of_motion_still_fit_into_a_page(strolling_plan: Plan) -> 
     restless[:, 7:] += 0.2 * np.sin(3.0 * t[:, None] + np.arange(restless.shape[1] - 7))
     longer = dataclasses.replace(
         strolling_plan,
-        motion=dataclasses.replace(motion, t=t, q=restless, v=np.tile(motion.v, (times, 1))),
+        motion=dataclasses.replace(
+            motion, t=t, q=restless, v=np.tile(motion.v, (times, 1)), tau=np.tile(motion.tau, (times, 1))
+        ),
     )
     assert longer.duration > 180
     assert len(playback.page_html(longer).encode()) < PAGE_LIMIT
