@@ -41,7 +41,7 @@ RAMP = 0.15  # [s] in which forces fade in and out
 LEAST_FOOT, LEAST_PALM = 40.0, 15.0  # [N] asked of a contact that was just made
 MOST_FORCE = 2.0  # of M g on one foot; half of that on a palm
 BLEND = 0.6  # share of a swing over which it comes from where the effector was to where the plan has it
-PALM_SPEED = 0.5  # of the playback while only palms move
+PALM_SPEED, CHANGE = 0.5, 8.0  # of the playback while only palms move; how fast it changes to that and back [1/s]
 PALM_ACCELERATION = 20.0  # [m/s^2] of feed-forward: an arm's jerks must not shake the body
 PALM_SWING, PALM_FORCE, PALM_GRIP = 0.5, 15.0, 60.0  # emphasis of its swing and force; stiffness of its grip [1/s^2]
 FILTER = 0.5  # of each new force in what is felt
@@ -253,7 +253,7 @@ class _Player:
         before = self.phases.contact[max(self.phase - 1, 0)]
         moving = [e for e, c in enumerate(now) if c < 0 and (following[e] >= 0 or before[e] >= 0)]
         wanted = PALM_SPEED if moving and not any(self.feet[e] for e in moving) else 1.0
-        most = 2.0 * self.options.period
+        most = CHANGE * self.options.period
         self.rate += float(np.clip(wanted - self.rate, -most, most))
 
     def _rate(self) -> float:
