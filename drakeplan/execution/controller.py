@@ -28,6 +28,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.spatial.transform import Rotation
 
 from drakeplan.execution.reference import Course, Sample
+from optimization.balance.contact_wrench import skew
 from scenes.gravity import GRAVITY
 
 V = JacobianWrtVariable.kV
@@ -243,7 +244,7 @@ class WholeBodyController:
         wanted = rate**2 * sample.com_a - stiff * off - damped * off_v - bias
         rows = [(self._J_com, wanted, np.array([g.w_com, g.w_com, g.w_com_height]))]
         # The first six rows of M vdot + h are the rate of the momentum about the base's origin.
-        arm = _cross(self.com - self._q[4:7])
+        arm = skew(self.com - self._q[4:7])
         J_spin, spin_bias = M[:3] - arm @ M[3:6], coriolis[:3] - arm @ coriolis[3:6]
         spin = g.spin * (rate * sample.angular - J_spin @ v) - spin_bias
         rows.append((J_spin, spin, np.full(3, g.w_spin)))
@@ -286,7 +287,7 @@ class WholeBodyController:
         middle = task.corners.mean(axis=0)
         columns = []
         for corner in middle + self.gains.share * (task.corners - middle):
-            columns.append(np.vstack([_cross(np.array([*corner, 0.0])) @ edges, edges]))
+            columns.append(np.vstack([skew(np.array([*corner, 0.0])) @ edges, edges]))
         return np.hstack(columns)
 
     def _jacobian(self, e: int) -> np.ndarray:
@@ -324,18 +325,10 @@ class WholeBodyController:
         return z if good else None
 
 
-def _cross(a: np.ndarray) -> np.ndarray:
-    """(3, 3) matrix of the cross product with a."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-
-
 def _rotation(q: np.ndarray) -> np.ndarray:
     return Rotation.from_quat(q[:4], scalar_first=True).as_matrix()
 
 
 def _between(wanted: np.ndarray, R: np.ndarray) -> np.ndarray:
     """(3,) rotation vector in W that turns R to the wanted one [rad]."""
-    E = wanted @ R.T
-    axis = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
-    sine, cosine = float(np.linalg.norm(axis)), 0.5 * (np.trace(E) - 1.0)
-    return axis if sine < 1e-9 else axis * (np.arctan2(sine, cosine) / sine)
+    return Rotation.from_matrix(wanted @ R.T).as_rotvec()

@@ -176,16 +176,19 @@ class World:
         return force, others
 
     def _ground(self, friction: float) -> ProximityProperties:
+        properties = self._material(0.5 * (friction if self._physics.friction is None else self._physics.friction))
+        if self.soft:
+            AddRigidHydroelasticProperties(0.1, properties)
+        return properties
+
+    def _material(self, friction: float) -> ProximityProperties:
         properties = ProximityProperties()
-        mu = 0.5 * (friction if self._physics.friction is None else self._physics.friction)
         AddContactMaterial(
             dissipation=self._physics.dissipation,
             point_stiffness=2 * self._physics.stiffness,
-            friction=CoulombFriction(mu, mu),
+            friction=CoulombFriction(friction, friction),
             properties=properties,
         )
-        if self.soft:
-            AddRigidHydroelasticProperties(0.1, properties)
         return properties
 
     def _add_surface(self, number: int, surface: Surface) -> None:
@@ -207,13 +210,7 @@ class World:
             for old in self.plant.GetCollisionGeometriesForBody(part):
                 self._graph.RemoveRole(self.plant.get_source_id(), old, Role.kProximity)
         depth = FOOT_DEPTH if is_foot(plan.effectors[e]) else PALM_DEPTH
-        properties = ProximityProperties()
-        AddContactMaterial(
-            dissipation=self._physics.dissipation,
-            point_stiffness=2 * self._physics.stiffness,
-            friction=CoulombFriction(GRIP, GRIP),
-            properties=properties,
-        )
+        properties = self._material(GRIP)
         if self.soft:
             AddCompliantHydroelasticProperties(0.05, self._physics.modulus, properties)
             X_BG = X_BE @ RigidTransform([0, 0, 0.5 * depth])
