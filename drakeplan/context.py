@@ -8,6 +8,7 @@ from functools import cached_property
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.deadline import Deadline
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.effector import EFFECTORS
 from scenes.footholds.start_stance import check_goal, floor_notes, start_stance
@@ -29,6 +30,7 @@ class QueryContext:
         cone: friction cone of the whole query.
         deadline: when the query has to stop.
         full_soles: whether all of every sole has to rest on something; else a part of it may (`Contact.support`).
+        reserve: what is left unused of friction and supports.
     """
 
     scene: Scene
@@ -37,6 +39,7 @@ class QueryContext:
     cone: FrictionCone = DEFAULT_CONE
     deadline: Deadline = field(default_factory=Deadline)
     full_soles: bool = False
+    reserve: Reserve = ALL
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
@@ -49,6 +52,12 @@ class QueryContext:
         """
         other = replace(self, deadline=deadline)
         other.__dict__.update({name: value for name, value in self.__dict__.items() if name != "deadline"})
+        return other
+
+    def without_reserve(self) -> QueryContext:
+        """The same context where all that friction and supports give may be used."""
+        other = replace(self, reserve=ALL)
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name != "reserve"})
         return other
 
     @cached_property

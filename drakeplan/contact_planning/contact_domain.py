@@ -26,6 +26,7 @@ from drakeplan.contact_planning.transition_check import TransitionCheck
 from scenes.footholds.partial_support import WIGGLE, no_supports, rest_feet
 from scenes.footholds.projection import Placements, patch_shape
 from scenes.footholds.snap import Footholds, Snap, StepLimits
+from scenes.footholds.support_polygon import holds_a_disc
 from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.free_boxes import boxes_are_free
@@ -63,6 +64,7 @@ class ContactDomain:
 
     Attributes:
         full_soles: whether all of every sole has to rest on something; else part of it may where nothing whole is near.
+        least_support: inner radius of the parts that may [m].
         max_travel: how far a foot moves in one transition [m]: the robot's usual bound, or the model's longest stride.
         beyond_grid: whether states from which the grid knows no way are estimated by the straight line; else they are
             left out. The grid's torso box and gaps are a guess, so that it proves nothing.
@@ -100,7 +102,7 @@ class ContactDomain:
         self._blamed: list[int] = []
         self.grid = grid or TorsoGrid(packed, robot, goal)
         self.beyond_grid = False
-        self.full_soles = False
+        self.full_soles, self.least_support = False, 0.0
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
         self._longer = options.longer and [options.longer.mirrored(True)[0], options.longer.mirrored(False)[0]]
         self._heuristic_name = options.heuristic
@@ -347,6 +349,9 @@ class ContactDomain:
         supports = no_supports(len(lost))
         rest_feet(self.packed, mover, xy_yaw, lost, z_range, self._patches[mover], WIGGLE, placed, supports)
         half = self.robot.effectors[mover].half_extent
+        for k in np.flatnonzero(supports.count).tolist() if self.least_support > 0.0 else ():
+            if not holds_a_disc(supports.corners[k], int(supports.count[k]), self.least_support):
+                supports.count[k], placed.surface[k] = 0, -1
         found = zip(supports.count.tolist(), supports.friction.tolist(), strict=True)
         return [Rest(supports.of(k, half), friction) if count else None for k, (count, friction) in enumerate(found)]
 

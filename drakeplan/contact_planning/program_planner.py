@@ -167,7 +167,7 @@ class ProgramPlanner:
         self.context, options = context, options or PlannerOptions()
         robot, terrain = context.robot, context.scene.terrain
         self._pool = ContactPool(context.packed)
-        self.check = TransitionCheck(self._pool, robot, context.ik, context.packed, context.cone)
+        self.check = TransitionCheck(self._pool, robot, context.ik, context.packed, context.cone, context.reserve)
         reach = step_reach(robot, options.model)
         self.query = ContactQuery(terrain, robot, context.start, context.goal, reach, context.cone)
         self.formulation, self._solver = formulation, solver

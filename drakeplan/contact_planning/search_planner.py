@@ -84,7 +84,9 @@ class SearchPlanner:
         self.settings = settings or SearchSettings()
         start, options = context.start, self.options
         self._pool = ContactPool(context.packed)
-        self.check = TransitionCheck(self._pool, context.robot, context.ik, context.packed, context.cone)
+        self.check = TransitionCheck(
+            self._pool, context.robot, context.ik, context.packed, context.cone, context.reserve
+        )
         self.domain = ContactDomain(
             context.packed,
             context.robot,
@@ -95,7 +97,7 @@ class SearchPlanner:
             context.torso_grid,
             start.contacts[0].heading if start.contacts[0] else 0.0,
         )
-        self.domain.full_soles = context.full_soles
+        self.domain.full_soles, self.domain.least_support = context.full_soles, context.reserve.support
         held = tuple(-1 if c is None else self._pool.add_contact(c) for c in start.contacts)
         self._start_state: State = (*held, -1)
         self._heuristic_weight = np.inf
@@ -126,7 +128,7 @@ class SearchPlanner:
         return LearnedDynamics(self._pool, surrogate, exact if settings.ask_when_far else None)
 
     def _centroidal_options(self) -> CentroidalOptions:
-        return self.options.timing.options(self.context.robot, self.context.cone)
+        return self.options.timing.options(self.context.robot, self.context.cone, reserve=self.context.reserve)
 
     def start_problem(self) -> str:
         """Why the robot cannot stand at the start, "" if it can."""

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.problem import CentroidalProblem
@@ -42,7 +43,11 @@ def sequence_problem(robot: Robot, stances: Sequence[Stance], timing: Timing | N
 
 
 def sequence_dynamics(
-    robot: Robot, stances: Sequence[Stance], cone: FrictionCone, timing: Timing | None = None
+    robot: Robot,
+    stances: Sequence[Stance],
+    cone: FrictionCone,
+    timing: Timing | None = None,
+    reserve: Reserve = ALL,
 ) -> CentroidalEstimate:
     """The least-effort dynamics of a contact sequence, from rest to rest (Lin 2020 sec. 6.3).
 
@@ -51,7 +56,8 @@ def sequence_dynamics(
         stances: consecutive ones differ in one end effector.
         cone: friction cone.
         timing: of every transition, by default that of Lin 2020 sec. 6.7.
+        reserve: what is left unused of friction and supports.
     """
     timing = timing or Timing()
-    options = timing.options(robot, cone, rest_at_end=True)
+    options = timing.options(robot, cone, rest_at_end=True, reserve=reserve)
     return CentroidalProgram(sequence_problem(robot, stances, timing), options).solve()

@@ -16,6 +16,7 @@ import numpy as np
 from drakeplan.contact_planning.contact_pool import ContactPool, Held
 from optimization.balance.balance_regions import balance_polygon
 from optimization.balance.friction import FrictionCone, cone_generators, frame_stands_alone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.balance.static_equilibrium import ContactArrays
 from optimization.inverse_kinematics.standing_postures import NOMINAL, standing_postures
 from optimization.inverse_kinematics.whole_body_ik import IkAnswer, IkOptions, WholeBodyIK
@@ -36,11 +37,18 @@ class TransitionCheck:
     """Checks transitions of one robot on one terrain; results are cached by contact numbers.
 
     Attributes:
+        reserve: what is left unused of friction and supports.
         swing_is_clear: whether what moves from one stance to the next finds a way past the terrain; None: not asked.
     """
 
     def __init__(
-        self, pool: ContactPool, robot: Robot, ik: WholeBodyIK, packed: PackedTerrain, cone: FrictionCone
+        self,
+        pool: ContactPool,
+        robot: Robot,
+        ik: WholeBodyIK,
+        packed: PackedTerrain,
+        cone: FrictionCone,
+        reserve: Reserve = ALL,
     ) -> None:
         """Prepares the check.
 
@@ -50,7 +58,9 @@ class TransitionCheck:
             ik: inverse kinematics of this robot.
             packed: the terrain, for collisions of the limbs.
             cone: friction cone of every contact.
+            reserve: what is left unused of friction and supports.
         """
+        self.reserve = reserve
         self.pool, self.robot, self.cone, self.ik, self.packed = pool, robot, cone, ik, packed
         self._careful_ik = _with_reserve(ik)
         self._limbs = limbs(ik.model.tree, ik.model.capsules)
@@ -72,7 +82,7 @@ class TransitionCheck:
         """Whether a single contact can carry the weight at all: gravity lies inside its friction cone."""
         answer = self._alone.get(number)
         if answer is None:
-            answer = frame_stands_alone(self._cone_code, self.pool.friction(number), self.pool.R[number])
+            answer = frame_stands_alone(self._cone_code, self._friction(number), self.pool.R[number])
             self._alone[number] = answer
         return answer
 
@@ -230,11 +240,16 @@ class TransitionCheck:
         if not numbers:
             return None
         effectors = self.pool.effector[numbers]
-        generators = np.stack([self._cone(self.pool.friction(n)) for n in numbers])
+        generators = np.stack([self._cone(self._friction(n)) for n in numbers])
         poses = self.pool.p[numbers], self.pool.R[numbers]
-        arrays = ContactArrays(*poses, self.pool.corners(numbers, self._half), generators, self._limit[effectors])
+        supports = self.reserve.supports(self.pool.corners(numbers, self._half))
+        arrays = ContactArrays(*poses, supports, generators, self._limit[effectors])
         corners = balance_polygon(arrays, MAX_CORNERS)
         return corners if len(corners) >= 3 else None
+
+    def _friction(self, number: int) -> float:
+        """The friction that may be used."""
+        return self.reserve.friction * self.pool.friction(number)
 
     def _cone(self, mu: float) -> np.ndarray:
         if mu not in self._generators:

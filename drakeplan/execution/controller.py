@@ -6,10 +6,10 @@
           lambda >= 0,  1^T lambda_c <= greatest normal force
           joints stop before their limits
 
-h holds Coriolis forces and gravity. The columns of G_c are forces along the edges of a pyramid inside the friction cone at
-the corners of a contact's support, one edge along the planned tangential force. Tasks are the CoM (whose capture point
-xi = c + cdot / omega returns at the rate omega kappa), angular momentum, the base's orientation, the posture, contacts that
-hold still and end effectors that swing.
+h holds Coriolis forces, gravity and the damping of the joints. The columns of G_c are forces along the edges of a pyramid
+inside the friction cone at the corners of a contact's support, one edge along the planned tangential force. Tasks are the
+CoM (whose capture point xi = c + cdot / omega returns at the rate omega kappa), angular momentum, the base's orientation, the
+posture, contacts that hold still and end effectors that swing.
 """
 
 # pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
@@ -29,6 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from drakeplan.execution.reference import Course, Sample
 from optimization.balance.contact_wrench import skew
+from optimization.multibody.inverse_dynamics import joint_damping
 from scenes.gravity import GRAVITY
 
 V = JacobianWrtVariable.kV
@@ -49,7 +50,8 @@ class Gains:
         still: damping of a contact that holds [1/s].
         spin: decay of the error of the angular momentum [1/s].
         w_com, w_com_height, w_swing, w_base, w_spin, w_posture, w_still: weights of the tasks.
-        w_force, w_moment, w_lambda: weights of forces and moments off the plan's, and of all forces, in units of M g.
+        w_force, w_moment, w_yaw, w_lambda: weights of forces, moments and yaw torques off the plan's, and of all forces, in
+            units of M g.
         share: of the support, seen from its middle, in which the pressure stays.
     """
 
@@ -69,6 +71,7 @@ class Gains:
     w_still: float = 300.0
     w_force: float = 1.0
     w_moment: float = 0.3
+    w_yaw: float = 3.0
     w_lambda: float = 1e-2
     share: float = 0.97
 
@@ -138,7 +141,7 @@ class WholeBodyController:
         self._plant, self._context, self.gains = plant, plant.CreateDefaultContext(), gains or Gains()
         self._weight, self._nv, self._world = mass * GRAVITY, plant.num_velocities(), plant.world_frame()
         self._frames = [plant.GetFrameByName(name) for name in effectors]
-        self._select = plant.MakeActuationMatrix()[6:]
+        self._select, self._damping = plant.MakeActuationMatrix()[6:], joint_damping(plant)
         effort = plant.GetEffortUpperLimits()
         names = [plant.get_joint_actuator(index).name() for index in plant.GetJointActuatorIndices()]
         self.unlimited = [name for name, most in zip(names, effort, strict=True) if not np.isfinite(most)]
@@ -185,6 +188,7 @@ class WholeBodyController:
         h = plant.CalcBiasTerm(context)
         A, y, w = self._motion_tasks(sample, rate, tasks, M, h)
         h = h - plant.CalcGravityGeneralizedForces(context)
+        h[6:] += self._damping * self._v[6:]  # much of what turns a light foot
         held = [(e, task) for e, task in enumerate(tasks) if isinstance(task, Hold)]
         generators = [self._generators(e, task) for e, task in held]
         size = nv + sum(G.shape[1] for G in generators)
@@ -200,10 +204,10 @@ class WholeBodyController:
             R = self.poses[e][1]
             wrench_W = np.vstack([R @ G[:3], R @ G[3:]])
             forces[:, columns.start - nv : columns.stop - nv] = self._jacobian(e).T @ wrench_W
-            arm = np.abs(task.corners).max(axis=0) + 1e-3
+            arm, moment = np.abs(task.corners).max(axis=0) + 1e-3, self.gains.w_moment
             scale = np.sqrt(task.emphasis) * np.concatenate(
                 [
-                    np.sqrt(self.gains.w_moment) / np.array([arm[1], arm[0], arm.sum()]),
+                    np.sqrt([moment, moment, self.gains.w_yaw]) / np.array([arm[1], arm[0], arm.sum()]),
                     np.full(3, np.sqrt(self.gains.w_force)),
                 ]
             )

@@ -28,12 +28,10 @@ from scenes.gravity import GRAVITY
 
 EARLY = 0.8  # share of a swing after which a touch counts
 NEAR = 0.015  # [m] from the planned place, in which it counts
-FELT_FOOT, FELT_PALM = 25.0, 4.0  # [N] that count as a touch; an arm that probes is soft
+FELT_FOOT, FELT_PALM = 8.0, 4.0  # [N] that count as a touch: a foot that comes down on a corner gives way to 20 N
 PRESS, PRESS_FROM = 0.005, 0.92  # [m] below the surface that a swing aims at in the end, from this share of it on
-LOST, SEEK = (
-    5.0,
-    0.1,
-)  # [N] under which a foot that came down carries nothing; [m/s] at which it looks for its surface then
+LOST, CARRIES = 5.0, 25.0  # [N] under which a foot that came down carries nothing, and over which the other one does
+SEEK = 0.1  # [m/s] at which it looks for its surface then
 SETTLE, FOOT_GRIP = 0.3, 150.0  # [s] in which a foot that came down is laid flat; stiffness of that [1/s^2]
 PROBE = 0.06  # [m/s] at which an effector that finds nothing goes on
 WAIT = 0.5  # [s] for a contact at most
@@ -299,7 +297,7 @@ class _Player:
             return False
         normal = self.plan.contacts.X_WC[:, :3, 2]
         others = [k for k, foot in enumerate(self.feet) if foot and k != e and self.held[k] >= 0]
-        carried = any(self.felt[k] @ normal[self.held[k]] > FELT_FOOT for k in others)
+        carried = any(self.felt[k] @ normal[self.held[k]] > CARRIES for k in others)
         return carried and float(self.felt[e] @ normal[self.held[e]]) < LOST
 
     def _swing(self, e: int) -> Task:

@@ -15,9 +15,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from drakeplan.plan.plan import Plan, PlanCentroidal, PlanMotion
 from scenes.input_error import InputError
 
-AROUND = (
-    1  # knots before and after one whose planned wrenches are averaged with its own, where they hold the same contacts
-)
+AROUND = 1  # intervals before and after one whose planned wrenches are averaged with its own, in the same phase
 
 
 class Sample(NamedTuple):
@@ -85,7 +83,7 @@ class PlanReference:
         X_WE = self._poses(motion)
         self._p = CubicSpline(motion.t, X_WE[..., :3, 3])
         self._R = [RotationSpline(motion.t, Rotation.from_matrix(X[:, :3, :3])) for X in X_WE.swapaxes(0, 1)]
-        self._wrenches: dict[tuple[int, int], np.ndarray] = {}
+        self._wrenches: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
 
     def at(self, s: float) -> Sample:
         """The plan at time s [s], at its ends before and after it."""
@@ -120,8 +118,8 @@ class PlanReference:
         key = (effector, contact)
         if key not in self._wrenches:
             self._wrenches[key] = self._averaged(effector, contact)
-        t = self._centroidal.t
-        return self._wrenches[key][int(np.clip(np.searchsorted(t, s + 1e-9) - 1, 0, len(t) - 2))].copy()
+        middle, wrench = self._wrenches[key]
+        return np.array([np.interp(s, middle, component) for component in wrench.T])
 
     @property
     def _centroidal(self) -> PlanCentroidal:
@@ -137,15 +135,19 @@ class PlanReference:
             X_WE[k] = [frame.CalcPoseInWorld(self._context).GetAsMatrix4() for frame in frames]
         return X_WE
 
-    def _averaged(self, effector: int, contact: int) -> np.ndarray:
-        """(N, 6) wrenches of one contact, each averaged with its neighbours: forces jump from knot to knot."""
+    def _averaged(self, effector: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) middles of the intervals that hold a contact [s], and (n, 6) its wrench there.
+
+        Planned wrenches jump from knot to knot: each is averaged with its neighbours, and they are joined by straight lines.
+        """
         c, R_WC = self._centroidal, self._plan.contacts.X_WC[contact, :3, :3]
         force, cop = c.force_W[:, effector] @ R_WC, c.cop_C[:, effector]
         moment = np.cross(np.pad(cop, ((0, 0), (0, 1))), force)
         moment[:, 2] += c.torque_n[:, effector]
         wrench = np.hstack([moment, force])
-        averaged = np.empty_like(wrench)
-        for n in range(len(wrench)):
-            near = range(max(n - AROUND, 0), min(n + AROUND + 1, len(wrench)))
-            averaged[n] = wrench[[m for m in near if np.array_equal(c.contact[m], c.contact[n])]].mean(axis=0)
-        return averaged
+        held = np.flatnonzero(c.contact[:-1, effector] == contact)
+        averaged = np.empty((len(held), 6))
+        for row, n in enumerate(held):
+            near = range(max(n - AROUND, 0), min(n + AROUND + 1, len(wrench) - 1))
+            averaged[row] = wrench[[m for m in near if np.array_equal(c.contact[m], c.contact[n])]].mean(axis=0)
+        return 0.5 * (c.t[held] + c.t[held + 1]), averaged

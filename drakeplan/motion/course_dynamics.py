@@ -10,6 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from drakeplan.timing.phases import Schedule
 from optimization.balance.friction import FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import CentroidalOptions, CentroidalWeights
 from optimization.centroidal.problem import CentroidalProblem
@@ -26,16 +27,17 @@ REACH_ROOM = 0.005  # [m] that limbs may reach further than in the postures of t
 BOX = (0.10, 0.10, 0.035)  # [m] half widths around the key postures' course: what the legs give in general
 
 
-def centroidal_options(robot: Robot, cone: FrictionCone, dt: float) -> CentroidalOptions:
+def centroidal_options(robot: Robot, cone: FrictionCone, dt: float, reserve: Reserve = ALL) -> CentroidalOptions:
     """The limits of a robot as options of the centroidal program.
 
     Args:
         robot: its limits.
         cone: friction cone of every contact.
         dt: step of the momentum trajectory [s].
+        reserve: what is left unused of friction and supports.
     """
     # The last key posture says where the CoM ends.
-    return replace(CentroidalOptions.for_robot(robot, cone), dt=dt, weights=WEIGHTS, final_half_width=None)
+    return replace(CentroidalOptions.for_robot(robot, cone, reserve), dt=dt, weights=WEIGHTS, final_half_width=None)
 
 
 def monotone_course(key_t: np.ndarray, key_x: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -94,7 +96,7 @@ class SequenceDynamics:
         contacts: the contacts that may carry load in each interval.
     """
 
-    def __init__(self, robot: Robot, schedule: Schedule, cone: FrictionCone, dt: float) -> None:
+    def __init__(self, robot: Robot, schedule: Schedule, cone: FrictionCone, dt: float, reserve: Reserve = ALL) -> None:
         """Prepares the contact schedule of the programs.
 
         Args:
@@ -102,8 +104,9 @@ class SequenceDynamics:
             schedule: the phases.
             cone: friction cone of every contact.
             dt: step of the momentum trajectory [s]; it must divide every phase.
+            reserve: what is left unused of friction and supports.
         """
-        self._robot, self._usual = robot, centroidal_options(robot, cone, dt)
+        self._robot, self._usual = robot, centroidal_options(robot, cone, dt, reserve)
         t = schedule.times(dt)
         self.contacts = ContactSchedule(schedule.contacts, schedule.contact_at(t[:-1]), np.diff(t))
         self._programs: dict[float, CentroidalProgram] = {}

@@ -9,6 +9,7 @@ import numpy as np
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.phases import Schedule, make_schedule
 from optimization.balance.friction import FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
@@ -24,7 +25,12 @@ WORTH = 0.02  # relative decrease that is worth another step: durations are roun
 
 
 def free_durations(
-    robot: Robot, schedule: Schedule, cone: FrictionCone, dt: float, bounds: tuple[float, float]
+    robot: Robot,
+    schedule: Schedule,
+    cone: FrictionCone,
+    dt: float,
+    bounds: tuple[float, float],
+    reserve: Reserve = ALL,
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Durations with which the momenta of a contact sequence take the least effort.
 
@@ -34,6 +40,7 @@ def free_durations(
         cone: friction cone.
         dt: knots' distance, whose multiples the durations are rounded to [s].
         bounds: least and greatest durations, as factors of the given ones; swings get no shorter.
+        reserve: what is left unused of friction and supports.
 
     Returns:
         (S-1,) shift and (S-1,) swing times and the last phase's [s], together no longer than they were; None where no
@@ -47,7 +54,7 @@ def free_durations(
     # limbs that swing faster turn the body more, of which the centroidal program knows nothing
     shortest = tuple(1.0 if swings[group == g].any() else bounds[0] for g in range(group.max() + 1))
     timing = TimingOptions(shortest=shortest, longest=bounds[1], tolerance=WORTH)
-    timed = optimise_timing(problem, _options(robot, cone), timing)
+    timed = optimise_timing(problem, _options(robot, cone, reserve), timing)
     if not timed.estimate.feasible or not timed.objective < timed.fixed_objective:
         return None
     given, wanted = (np.bincount(phase, p.schedule.dt) for p in (problem, timed.problem))
@@ -106,5 +113,5 @@ def _problem(robot: Robot, schedule: Schedule, t: np.ndarray) -> CentroidalProbl
     return CentroidalProblem(contacts, robot.mass, robot.half_extents, start)
 
 
-def _options(robot: Robot, cone: FrictionCone) -> CentroidalOptions:
-    return replace(transition_options(robot, cone), rest_at_end=True)
+def _options(robot: Robot, cone: FrictionCone, reserve: Reserve = ALL) -> CentroidalOptions:
+    return replace(transition_options(robot, cone, reserve), rest_at_end=True)

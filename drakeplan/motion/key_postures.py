@@ -24,6 +24,7 @@ from drakeplan.motion.ways_to_stand import ways_to_stand
 from drakeplan.timing.phases import MOVE, Schedule
 from optimization.balance.balance_regions import balance_polygon, contact_arrays
 from optimization.balance.friction import FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.standing_postures import StandingPostures, Way, standing_postures
@@ -115,20 +116,21 @@ class KeyPostures:
 class BalanceRegions:
     """Balance polygons of sets of contacts, each computed once."""
 
-    def __init__(self, robot: Robot, cone: FrictionCone) -> None:
+    def __init__(self, robot: Robot, cone: FrictionCone, reserve: Reserve = ALL) -> None:
         """Prepares an empty cache.
 
         Args:
             robot: its force limits and contact patches.
             cone: friction cone of every contact.
+            reserve: what is left unused.
         """
-        self._robot, self._cone = robot, cone
+        self._robot, self._cone, self._reserve = robot, cone, reserve
         self._known: dict[tuple[Contact, ...], np.ndarray] = {}
 
     def __call__(self, contacts: tuple[Contact, ...]) -> np.ndarray:
         """(V, 2) corners, CCW [m]; V = 0 where the contacts balance nowhere."""
         if contacts not in self._known:
-            arrays = contact_arrays(contacts, self._robot, self._cone)
+            arrays = contact_arrays(contacts, self._robot, self._cone, self._reserve)
             self._known[contacts] = balance_polygon(arrays, MAX_CORNERS)
         return self._known[contacts]
 

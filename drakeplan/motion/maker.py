@@ -142,7 +142,7 @@ class MotionMaker:
             options: see `MotionOptions`.
         """
         options = options or MotionOptions()
-        self.robot, self.cone, self.options = context.robot, context.cone, options
+        self.robot, self.cone, self.options, self.reserve = context.robot, context.cone, options, context.reserve
         self._deadline = context.deadline
         self.robot_plant = context.robot_plant
         ik = context.ik
@@ -160,7 +160,7 @@ class MotionMaker:
             context.deadline,
             options.feedback,
         )
-        self.regions = BalanceRegions(self.robot, self.cone)
+        self.regions = BalanceRegions(self.robot, self.cone, self.reserve)
 
     def run(
         self, stances: Sequence[Stance], tell: Callable[[ProgressEvent], None], com_course: ComCourse | None = None
@@ -199,7 +199,7 @@ class MotionMaker:
         cone, dt = self.cone, self.options.dt
         for bounds in FREE_BOUNDS:
             began = time.perf_counter()
-            durations = free_durations(self.robot, fixed.schedule, cone, dt, bounds)
+            durations = free_durations(self.robot, fixed.schedule, cone, dt, bounds, self.reserve)
             timings["dynamics_s"] += time.perf_counter() - began
             if durations is None:
                 continue
@@ -240,7 +240,7 @@ class MotionMaker:
             reason = f"{where}: {complaints[0].sentence}"
             return MotionResult(False, reason, tuple(failed), schedule, timings=timings, alike=alike)
         self._deadline.check("during the motion")
-        dynamics = SequenceDynamics(self.robot, schedule, self.cone, self.options.dt)
+        dynamics = SequenceDynamics(self.robot, schedule, self.cone, self.options.dt, self.reserve)
         frames = MotionFrames(self.setting, schedule, keys, dynamics, com_course)
         reason = frames.solve_dynamics(schedule.times(self.options.dt))
         timings["dynamics_s"] += time.perf_counter() - began

@@ -60,5 +60,5 @@ def explain_sequence(context: QueryContext, stances: Sequence[Stance], timing: T
         refused: why the query refused it.
     """
     problem = sequence_problem(context.robot, stances, timing)
-    options = timing.options(context.robot, context.cone, rest_at_end=True)
+    options = timing.options(context.robot, context.cone, rest_at_end=True, reserve=context.reserve)
     return Explanation(len(stances), refused, unblock(problem, options, time_limit=TIME_LIMIT))

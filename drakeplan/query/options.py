@@ -14,6 +14,7 @@ from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
+from optimization.balance.reserve import USUAL, Reserve
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.georeference import to_local
@@ -46,6 +47,7 @@ class PlanOptions:
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         use_palms: whether palms may be used.
         full_soles: whether all of every sole has to rest on something; else a part of it may.
+        reserve: what is left unused of friction and supports; where no plan keeps it, one without it is looked for.
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
             Lin 2020.
         stop: polled; True ends the query, which then returns the best contacts so far.
@@ -70,6 +72,7 @@ class PlanOptions:
     transition_model: str | None = None
     use_palms: bool = True
     full_soles: bool = False
+    reserve: Reserve = USUAL
     footholds: FootholdsName = "snapped"
     deadline: float = 30.0
     improve: float = 1.0

@@ -26,6 +26,7 @@ from drakeplan.search.ana_star import Limits
 from learning.surrogate import FRICTION_TOLERANCE, load_surrogate
 from learning.weights import NoWeightsError, OtherRobotError
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
+from optimization.balance.reserve import ALL
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.effector import FEET
 from scenes.robots.nominal_stance import check_nominal_stance
@@ -38,6 +39,7 @@ SURELY_HELD = np.cos(np.pi / 8)  # share of the friction that the octagon inside
 MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
 LEAST_RESERVE = 0.1  # [s] with less nothing is asked
+RESERVED_SHARE = 0.6  # of the deadline for a plan that keeps the reserve
 PALMS_SHARE = 0.35  # of the deadline after which feet that know a way are tried alone, where palms brought no plan
 LEARNED_SHARE = 0.3  # of the time for learned dynamics after which those that find no way over places to rest give up
 RESTING_SHARE = 0.6  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
@@ -74,7 +76,9 @@ def plan_scene(
         )
     tell(ProgressEvent("load", f"{robot.name} on {scene.name}", elapsed=0.0))
     deadline = Deadline(options.deadline, options.stop, options.used)
-    context = QueryContext(scene, robot, WholeBodyIK(robot), options.cone, deadline, options.full_soles)
+    context = QueryContext(
+        scene, robot, WholeBodyIK(robot), options.cone, deadline, options.full_soles, options.reserve
+    )
     if robot.model_sha256 not in _WARM:  # kernels load before the clock of the search starts
         _load_kernels(context, tell)
         _WARM.add(robot.model_sha256)
@@ -92,7 +96,9 @@ def plan_scene(
             reason = f"{UNREACHABLE}: {proved.text}"
             report = {**record.as_dict("none", reason, None), "obstacle": proved.as_dict()}
             return PlanResult("none", reason, None, report, notes=tuple(record.notes))
-    result = _palms_or_feet(context, options, dynamics, record, tell)
+    result = _within_the_reserve_or_not(context, options, dynamics, record, tell)
+    if context.reserve != ALL and result.status != "complete":
+        context = context.without_reserve()
     hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
     if (
         _may_fall_back(context, options, dynamics)
@@ -124,6 +130,24 @@ def _load_kernels(context: QueryContext, tell: Progress) -> None:
     note = ProgressEvent("load", "compiling kernels, once on this machine: two to four minutes")
     with compile_beside(context.robot, lambda: tell(note)):
         warm_up(context.robot, context.ik)
+
+
+def _within_the_reserve_or_not(
+    context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
+) -> PlanResult:
+    """One query that keeps the reserve of friction and supports; where it brings no verified plan, one without."""
+    if context.reserve == ALL:
+        return _palms_or_feet(context, options, dynamics, record, tell)
+    result = _palms_or_feet(context.until(context.deadline.part(RESERVED_SHARE)), options, dynamics, record, tell)
+    alike = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
+    if result.status == "complete" or result.proved or alike or context.deadline.why():
+        return result
+    record.notes.append(
+        f"no verified plan keeps a reserve of friction and supports ({result.reason}); planned again without"
+    )
+    tell(ProgressEvent("search", record.notes[-1]))
+    record.limits_fired = [limit for limit in record.limits_fired if limit != "deadline"]
+    return _palms_or_feet(context.without_reserve(), options, dynamics, record, tell)
 
 
 def _palms_or_feet(

@@ -202,7 +202,9 @@ class Query:
             return True
         self._clock.pause()
         began = time.perf_counter()
-        estimate = sequence_dynamics(self.context.robot, plan.stances, self.context.cone, self.options.timing)
+        estimate = sequence_dynamics(
+            self.context.robot, plan.stances, self.context.cone, self.options.timing, self.context.reserve
+        )
         self.record.sequences_tested += 1
         self.record.dynamics_s += time.perf_counter() - began
         if not estimate.feasible:
@@ -289,6 +291,7 @@ class Query:
             "planner": self.options.planner,
             "dynamics": self.record.dynamics,
             "full_soles": self.options.full_soles,
+            "reserve": dataclasses.asdict(self.context.reserve),
             "footholds": self.options.footholds if planner_entry(self.options.planner).judges_transitions else "",
             "limits_fired": list(self.record.limits_fired),
             "expansions": self.record.expansions,

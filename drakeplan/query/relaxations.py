@@ -75,7 +75,9 @@ def relaxations(context: QueryContext, options: PlannerOptions) -> list[Relaxati
             for e in robot.effectors[:2]
         ]
         shorter = dataclasses.replace(robot, effectors=(*soles, *robot.effectors[2:]))
-        easier = QueryContext(context.scene, shorter, context.ik, context.cone, full_soles=context.full_soles)
+        easier = QueryContext(
+            context.scene, shorter, context.ik, context.cone, full_soles=context.full_soles, reserve=context.reserve
+        )
         rungs.append(Relaxation("sole", f"soles of {100 * SMALLER_SOLE:g} % of their size", "", easier, feet))
     return rungs
 
@@ -99,4 +101,6 @@ def with_terrain(context: QueryContext, terrain: Terrain) -> QueryContext:
         terrain: instead of its own.
     """
     scene = dataclasses.replace(context.scene, terrain=terrain)
-    return QueryContext(scene, context.robot, context.ik, context.cone, full_soles=context.full_soles)
+    return QueryContext(
+        scene, context.robot, context.ik, context.cone, full_soles=context.full_soles, reserve=context.reserve
+    )

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from optimization.balance.friction import FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.transition_dynamics import transition_options
 from scenes.input_error import InputError
@@ -47,15 +48,18 @@ class Timing:
         """Whether the timing is that of Lin 2020 sec. 6.7, for which the surrogates were trained."""
         return (self.shift, self.swing) == (1.0, 1.0)
 
-    def options(self, robot: Robot, cone: FrictionCone, *, rest_at_end: bool = False) -> CentroidalOptions:
+    def options(
+        self, robot: Robot, cone: FrictionCone, *, rest_at_end: bool = False, reserve: Reserve = ALL
+    ) -> CentroidalOptions:
         """The centroidal program's options for this robot, cone and timing.
 
         Args:
             robot: whose limits the options have.
             cone: friction cone of every contact.
             rest_at_end: whether CoM and momenta must be at rest at the end.
+            reserve: what is left unused of friction and supports.
         """
-        options = transition_options(robot, cone)
+        options = transition_options(robot, cone, reserve)
         return replace(
             options,
             shift_time=self.shift,

@@ -46,6 +46,8 @@ positions q and velocities v. #(...) counts rows. All values are the worst of th
 | unilateral | -f . n | 1e-9 M g | rounding: contacts push |
 | wrench in true cone | l1 distance from forces at the corners, abs(f_t) <= mu f . n | 1e-6 M g | tolerance of the linear program |
 | wrench in named cone | the same with the cone that the plan names | 1e-6 M g | tolerance of the linear program |
+| wrench within the reserve | in the true cone, with the shares of mu and supports | 1e-6 M g | tolerance of the linear program |
+|  | that the provenance names, if any |  |  |
 | mass | M of the file / M of the model - 1 | 1e-6 | rounding |
 | newton | (l[n+1] - l[n]) / dt - sum f - M g | 1e-6 M g | the planner's own equation: rounding |
 | com integration | c[n+1] - c[n] - dt l[n+1] / M | 1e-6 m | the planner's own equation: rounding |

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,6 +89,15 @@ class PlanFile:
             return patch(self["effectors_half_extent"][self["contacts/effector"][contact]])
         corners = self["contacts/support"][contact]
         return corners[~np.isnan(corners).all(axis=1)]
+
+    def reserve(self) -> tuple[float, float]:
+        """Shares of friction and of the supports that the plan says it uses at most; 1 and 1 where it says nothing."""
+        try:
+            said = json.loads(self.attributes["provenance"])["reserve"]
+            shares = float(said["friction"]), float(said["pressure"])
+        except (ValueError, KeyError, TypeError):
+            return 1.0, 1.0
+        return shares if all(0.0 < share <= 1.0 for share in shares) else (1.0, 1.0)
 
     def held(self, contact: int) -> str:
         """Index and end effector of a contact, for messages."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone, cone_generators
+from optimization.balance.reserve import ALL, Reserve
 from optimization.balance.static_equilibrium import ContactArrays, com_polygon
 from scenes.contact import Contact, support_corners
 from scenes.effector import EFFECTORS
@@ -17,24 +18,27 @@ STRIP_CORNERS = 24  # of a strip's balance polygons; the others matter least
 NARROW = 0.4  # share of the way from the nearest edge of a narrow polygon to its centroid that stands for the margin
 
 
-def contact_arrays(contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> ContactArrays:
+def contact_arrays(
+    contacts: Sequence[Contact], robot: Robot, cone: FrictionCone = DEFAULT_CONE, reserve: Reserve = ALL
+) -> ContactArrays:
     """The arrays of some of a robot's contacts, with friction and supports from the contacts.
 
     Args:
         contacts: n of them.
         robot: gives patch sizes [m] and force limits [M g].
         cone: friction cone.
+        reserve: what is left unused of friction and supports.
 
     Raises:
         InputError: no friction cone has this name.
     """
     index = [EFFECTORS.index(c.effector) for c in contacts]
-    num_g = len(cone_generators(cone, 0.0))
+    num_g, friction = len(cone_generators(cone, 0.0)), [reserve.friction * c.friction for c in contacts]
     return ContactArrays(
         p_WC=np.array([c.p_WC for c in contacts], float).reshape(-1, 3),
         R_WC=np.array([c.R_WC for c in contacts], float).reshape(-1, 3, 3),
-        corners=support_corners(contacts, np.array([e.half_extent for e in robot.effectors])),
-        generators=np.array([cone_generators(cone, c.friction) for c in contacts], float).reshape(-1, num_g, 3),
+        corners=reserve.supports(support_corners(contacts, np.array([e.half_extent for e in robot.effectors]))),
+        generators=np.array([cone_generators(cone, mu) for mu in friction], float).reshape(-1, num_g, 3),
         force_limit=np.array([robot.force_limit[i] for i in index], float),
     )
 

@@ -136,8 +136,9 @@ def _contacts(
     p_WC, R_WC, friction = _poses(problem, trajectory)
     held = t.contact >= 0
     force_C = np.einsum("neba,neb->nea", R_WC, t.force_W)
-    inside = contains(options.cone, friction, force_C, FORCE * weight)
-    outside = np.where(force_C[..., 2] > LEAST_LOAD * weight, _off_support(problem, t), 0.0)
+    inside = contains(options.cone, options.reserve.friction * friction, force_C, FORCE * weight)
+    off = _off_support(options.reserve.supports(problem.supports), t)
+    outside = np.where(force_C[..., 2] > LEAST_LOAD * weight, off, 0.0)
     free = np.where(held, 0.0, np.abs(t.force_W).max(axis=2) + np.abs(t.torque_n))
     overload = force_C[..., 2] - np.asarray(options.force_limit) * weight
     reach = np.asarray(options.com_reach)
@@ -153,9 +154,8 @@ def _contacts(
     ]
 
 
-def _off_support(problem: CentroidalProblem, trajectory: CentroidalTrajectory) -> np.ndarray:
-    """(N, E) how far centres of pressure lie beyond their supports [m], negative inside: beyond an edge, or the box around it."""
-    supports = problem.supports
+def _off_support(supports: np.ndarray, trajectory: CentroidalTrajectory) -> np.ndarray:
+    """(N, E) how far centres of pressure lie beyond supports (C, V, 2) [m], negative inside: beyond an edge, or the box around it."""
     if not len(supports):
         return np.full(trajectory.contact.shape, -np.inf)
     edge = np.roll(supports, -1, axis=1) - supports

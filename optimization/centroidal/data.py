@@ -27,7 +27,7 @@ class CentroidalData:
         dt: (N-1,) lengths of the intervals [s].
         interval, effector: (J,) of each active contact.
         p_WC, R_WC: (J, 3) points [m] and (J, 3, 3) orientations of the active contacts in W.
-        half, middle: (J, 2) half extents and centres of the boxes around their supports, in C [m].
+        half, middle: (J, 2) half extents and centres of the boxes around their supports, less the reserve, in C [m].
         corners: their corner forces and cones [M g].
         integrator: gives the motion under contact wrenches.
         origin: (3,) initial CoM in W, that the variable com is relative to [m].
@@ -75,7 +75,8 @@ class CentroidalData:
         interval, effector = integrator.interval, integrator.effector
         _, _, friction = schedule.poses()
         held = schedule.active[interval, effector]
-        supports = problem.supports[held]
+        reserve = options.reserve
+        supports = reserve.supports(problem.supports)[held]
         low, high = supports.min(axis=1), supports.max(axis=1)
         half, middle = 0.5 * (high - low), 0.5 * (high + low)
         index, num_vars = variable_places(len(schedule.dt), len(interval), supports.shape[1])
@@ -91,7 +92,7 @@ class CentroidalData:
             R_WC=integrator.R_WC,
             half=half,
             middle=middle,
-            corners=CornerForces(options.cone, friction[held], supports, ARM),
+            corners=CornerForces(options.cone, reserve.friction * friction[held], supports, ARM),
             integrator=integrator,
             origin=np.array(problem.initial_com),
             v0=v0,

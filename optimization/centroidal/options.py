@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
@@ -97,6 +98,7 @@ class CentroidalOptions:
         time_limit: seconds after which no further convex program is started.
         explain: whether a problem without an answer is asked which constraint stands in the way; it costs a linear
             program.
+        reserve: what is left unused of friction and supports.
     """
 
     cone: FrictionCone = DEFAULT_CONE
@@ -116,17 +118,20 @@ class CentroidalOptions:
     tolerance: float = 1e-3
     time_limit: float = 30.0
     explain: bool = True
+    reserve: Reserve = ALL
 
     @classmethod
-    def for_robot(cls, robot: Robot, cone: FrictionCone) -> CentroidalOptions:
+    def for_robot(cls, robot: Robot, cone: FrictionCone, reserve: Reserve = ALL) -> CentroidalOptions:
         """The defaults with a robot's limits.
 
         Args:
             robot: gives height, reach and force limits.
             cone: friction cone.
+            reserve: what is left unused.
         """
         return cls(
             cone=cone,
+            reserve=reserve,
             com_height=robot.com_height,
             com_reach=tuple(robot.com_reach.tolist()),
             force_limit=tuple(robot.force_limit.tolist()),

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
+from optimization.balance.reserve import ALL, Reserve
 from optimization.centroidal.contact_schedule import ContactSchedule
 from optimization.centroidal.estimate import CentroidalEstimate
 from optimization.centroidal.options import CentroidalOptions
@@ -21,14 +22,15 @@ from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 
-def transition_options(robot: Robot, cone: FrictionCone = DEFAULT_CONE) -> CentroidalOptions:
+def transition_options(robot: Robot, cone: FrictionCone = DEFAULT_CONE, reserve: Reserve = ALL) -> CentroidalOptions:
     """The documents' timing and weights with a robot's limits; not at rest at the end, and quick where impossible.
 
     Args:
         robot: gives height, reach and force limits.
         cone: friction cone.
+        reserve: what is left unused of friction and supports.
     """
-    return replace(CentroidalOptions.for_robot(robot, cone), rest_at_end=False, explain=False)
+    return replace(CentroidalOptions.for_robot(robot, cone, reserve), rest_at_end=False, explain=False)
 
 
 def transition_schedule(stances: Sequence[Stance], options: CentroidalOptions) -> ContactSchedule:

@@ -1,0 +1,48 @@
+"""What a plan leaves unused of friction and supports, because nothing plays it exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.input_error import InputError
+
+
+@dataclass(frozen=True)
+class Reserve:
+    """Limits inside those of physics; by default all that physics gives may be used.
+
+    Attributes:
+        friction: share of each friction coefficient that forces may use.
+        pressure: share of each support, shrunk about the mean of its corners, in which the pressure stays.
+        support: inner radius that a part of a sole needs to be stood on [m].
+    """
+
+    friction: float = 1.0
+    pressure: float = 1.0
+    support: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("friction", "pressure"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InputError(f"reserve: {name} must be above 0 and at most 1, got {getattr(self, name)}")
+        if not 0.0 <= self.support < 1.0:
+            raise InputError(f"reserve: support must be from 0 to 1 m, got {self.support}")
+
+    def supports(self, corners: np.ndarray) -> np.ndarray:
+        """(..., V, 2) supports in which the pressure stays [m].
+
+        Args:
+            corners: (..., V, 2) of the whole supports [m]; those of fewer corners repeat their last one.
+        """
+        if self.pressure == 1.0:
+            return corners
+        own = np.ones((*corners.shape[:-1], 1))
+        own[..., 1:, 0] = (corners[..., 1:, :] != corners[..., :-1, :]).any(axis=-1)
+        middle = (own * corners).sum(axis=-2, keepdims=True) / own.sum(axis=-2, keepdims=True)
+        return middle + self.pressure * (corners - middle)
+
+
+ALL = Reserve()  # nothing is kept back
+USUAL = Reserve(friction=0.9, pressure=0.9, support=0.025)  # see docs/decisions/execution.md
