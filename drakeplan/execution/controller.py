@@ -73,7 +73,7 @@ class Gains:
     w_moment: float = 0.3
     w_yaw: float = 3.0
     w_lambda: float = 1e-2
-    share: float = 0.97
+    share: float = 0.9
 
 
 @dataclass(frozen=True, eq=False)

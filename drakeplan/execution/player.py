@@ -32,7 +32,7 @@ FELT_FOOT, FELT_PALM = 8.0, 4.0  # [N] that count as a touch: a foot that comes 
 PRESS, PRESS_FROM = 0.005, 0.92  # [m] below the surface that a swing aims at in the end, from this share of it on
 LOST, CARRIES = 5.0, 25.0  # [N] under which a foot that came down carries nothing, and over which the other one does
 SEEK = 0.1  # [m/s] at which it looks for its surface then
-SETTLE, FOOT_GRIP = 0.3, 150.0  # [s] in which a foot that came down is laid flat; stiffness of that [1/s^2]
+FOOT_GRIP = 150.0  # [1/s^2] stiffness that lays a foot flat
 PROBE = 0.06  # [m/s] at which an effector that finds nothing goes on
 WAIT = 0.5  # [s] for a contact at most
 RAMP = 0.15  # [s] in which forces fade in and out
@@ -278,15 +278,22 @@ class _Player:
         most = MOST_FORCE * plan.mass * GRAVITY * fade * (1.0 if self.feet[e] else 0.5)
         corners, friction = plan.contacts.corners(contact), float(plan.contacts.friction[contact])
         if self.feet[e]:
-            return Hold(corners, friction, wrench, most, 1.0, self._settled(e, contact), FOOT_GRIP, drift)
+            return Hold(
+                corners,
+                friction,
+                wrench,
+                most,
+                1.0,
+                self._flat(e, contact),
+                FOOT_GRIP,
+                drift,
+            )
         if self.grip[e] is None and self.since[e] > 0.1:
             self.grip[e] = self.controller.poses[e]
         return Hold(corners, friction, wrench, most, PALM_FORCE, self.grip[e], PALM_GRIP)
 
-    def _settled(self, e: int, contact: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Where a foot that has just come down comes to lie: flat on its surface; None once it lies there."""
-        if self.since[e] > SETTLE:
-            return None
+    def _flat(self, e: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where a foot comes to lie: flat on its surface."""
         p, X_WC = self.controller.poses[e][0], self.plan.contacts.X_WC[contact]
         above = float((p - X_WC[:3, 3]) @ X_WC[:3, 2])
         return p - above * X_WC[:3, 2], X_WC[:3, :3]
