@@ -120,6 +120,11 @@ class Arguments:
     """plan with the feet alone"""
     full_soles: bool = False
     """every sole rests whole; without this it may rest on planks, bars, an edge or a stone smaller than itself"""
+    no_reserve: bool = False
+    """use all that friction and supports give; without this a plan leaves a tenth of the friction and the rim of every
+    sole unused, as far as there is such a plan"""
+    simulate: bool = False
+    """play each plan in physics, and go on searching while it falls; the deadline counts that too"""
     explain: bool = False
     """if the dynamics of a contact sequence are infeasible: print what blocks them, and which changes are enough
     to change (takes up to half a minute)"""
@@ -244,6 +249,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
     from drakeplan.query.options import PlanOptions, check_options
     from drakeplan.timing.step_timing import Timing
     from optimization.balance.friction import FrictionCone
+    from optimization.balance.reserve import ALL, USUAL
 
     options = PlanOptions(
         seed=arguments.seed,
@@ -268,6 +274,8 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
         keep=telling.keep,
         explain=arguments.explain,
+        reserve=ALL if arguments.no_reserve else USUAL,
+        simulate=arguments.simulate,
         command=shlex.join(["drakeplan", *sys.argv[1:]]),
     )
     check_options(options)

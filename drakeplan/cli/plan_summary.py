@@ -26,6 +26,7 @@ def summary(report: dict[str, object]) -> str:
         f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
         *_judges(report),
         *_torque(report),
+        *_simulated(report),
         f"  total {number('total_s')} s, {number('peak_rss_mb', '.0f')} MB",
     ]
     files = report["files"]
@@ -50,3 +51,12 @@ def _torque(report: dict[str, object]) -> list[str]:
         return []
     share, beyond = 100 * float(torque["share"]), " (more than it can)" if torque["share"] > 1.0 else ""
     return [f"  torques up to {share:.0f} % of a joint's limit: {torque['joint']} at {torque['time']:.2f} s{beyond}"]
+
+
+def _simulated(report: dict[str, object]) -> list[str]:
+    """A line with what came of the plan in physics, where it was played."""
+    played = report.get("simulated")
+    if not isinstance(played, dict):
+        return []
+    state = "the robot stands at the goal" if played["reached"] else played["reason"]
+    return [f"  in physics {state}; CoM at most {1e3 * float(played['com_error_m']):.0f} mm from the plan"]

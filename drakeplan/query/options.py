@@ -54,6 +54,8 @@ class PlanOptions:
         used: seconds of the deadline that were used before the call.
         keep: called with contacts, before their motion is made: what is left of the query should its process be killed.
         command: recorded in the plan's provenance.
+        simulate: whether a plan has to be played in physics too before it counts: one that falls is refused like one that
+            the verifier refuses.
         explain: whether a sequence whose dynamics are infeasible is asked what would make them feasible.
     """
 
@@ -82,6 +84,7 @@ class PlanOptions:
     keep: Callable[[Plan, dict[str, object]], None] | None = None
     command: str = ""
     explain: bool = False
+    simulate: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too

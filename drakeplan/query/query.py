@@ -1,8 +1,8 @@
-"""One query with one planner, in five steps: search, dynamics of the whole sequence, motion, verification, bar.
+"""One query with one planner, in six steps: search, dynamics of the whole sequence, motion, verification, execution, bar.
 
-    search -> whole-sequence dynamics -> motion -> verification -> complete plan
-      ^                                    |            |
-      +------------- bar <-----------------+------------+
+    search -> whole-sequence dynamics -> motion -> verification (-> execution in physics) -> complete plan
+      ^                                    |            |                |
+      +------------- bar <-----------------+------------+----------------+
 
 What a later step refuses is forbidden for the planner (`bar`), and the search resumes with its earlier results.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from drakeplan.contact_planning.contact_plan import ContactPlan
 from drakeplan.contact_planning.planner import ContactPlanner, planner_entry
@@ -34,6 +34,9 @@ from drakeplan.query.result import PlanResult, Status
 from drakeplan.search.ana_star import Limits
 from drakeplan.verifier import Report
 from scenes.stance import Stance
+
+if TYPE_CHECKING:
+    from drakeplan.execution import ExecutionReport
 
 # Times a limit of the motion stage that its worst problem may be; the verifier's own limits are a little wider.
 WORTH_VERIFYING = 1.3
@@ -122,9 +125,13 @@ class Query:
                 break
             motion = self._make_motion(sequence)
             plan, verification = self._verify(sequence, motion)
-            if verification is not None and verification.holds:
-                return self._result("complete", "", plan, verification)
-            self.refusal = Refusal.of_motion(sequence, motion, verification)
+            if plan is not None and verification is not None and verification.holds:
+                played = self._play(plan) if self.options.simulate else None
+                if played is None or played.reached:
+                    return self._result("complete", "", _with_execution(plan, played), verification)
+                self.refusal = Refusal.of_execution(sequence, motion, verification, played)
+            else:
+                self.refusal = Refusal.of_motion(sequence, motion, verification)
             if motion.alike:  # the robot cannot walk as it is described: other contacts fail as these do
                 break
             repairs += not motion.blocked
@@ -252,7 +259,24 @@ class Query:
         self.record.verification_s += time.perf_counter() - began
         return plan, report
 
-    # 5 Bar -----------------------------------------------------------------------------------------------------------
+    # 5 Execution -----------------------------------------------------------------------------------------------------
+
+    def _play(self, plan: Plan) -> ExecutionReport:
+        """What comes of the plan in physics."""
+        from drakeplan.execution import play_plan  # a solver that nothing else in a query needs
+
+        began, deadline = time.perf_counter(), self.context.deadline.whole or self.context.deadline
+
+        def tell(s: float, duration: float) -> None:
+            deadline.check("while the plan was played in physics")
+            self.tell(ProgressEvent("simulate", f"{s:.0f} of {duration:.0f} s", self.record.cost, self.record.bound))
+
+        played = play_plan(plan, str(self.context.robot.model), tell=tell)
+        self.record.simulation_s += time.perf_counter() - began
+        self.record.simulated = played.as_dict()
+        return played
+
+    # 6 Bar -----------------------------------------------------------------------------------------------------------
 
     def _bar(self, refusal: Refusal) -> bool:
         """Forbids the transitions at fault for the planner; False where none can be named."""
@@ -317,3 +341,11 @@ class Query:
     ) -> PlanResult:
         report = json.loads(json.dumps(self.record.as_dict(status, reason, verification)))
         return PlanResult(status, reason, plan, report, verification, tuple(self.record.notes), refusal)
+
+
+def _with_execution(plan: Plan, played: ExecutionReport | None) -> Plan:
+    """The plan with what came of it in physics in its provenance."""
+    if played is None:
+        return plan
+    said = {"reached": played.reached, "com_error_m": played.com_error_m, "slips_m": played.slips_m}
+    return dataclasses.replace(plan, provenance={**plan.provenance, "simulated": said})

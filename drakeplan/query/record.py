@@ -47,6 +47,8 @@ class QueryRecord:
         sequences_tested: contact sequences whose whole dynamics were solved before the motion stage.
         transitions_judged: transitions whose dynamics were evaluated, by "learned" and "exact".
         planning_s, dynamics_s, motion_s, verification_s: where the time went.
+        simulation_s: seconds of playing plans in physics.
+        simulated: what came of the last one; None where none was played.
         torque: greatest share of a joint's torque limit that the motion needs, its joint and time [s]; None without one.
         repairs: times that a refused transition was forbidden and the search resumed.
         limits_fired: by name.
@@ -71,6 +73,8 @@ class QueryRecord:
     dynamics_s: float = 0.0
     motion_s: float = 0.0
     verification_s: float = 0.0
+    simulation_s: float = 0.0
+    simulated: dict[str, object] | None = None
     torque: dict[str, float | str] | None = None
     repairs: int = 0
     limits_fired: list[str] = field(default_factory=list)

@@ -45,4 +45,4 @@ class Reserve:
 
 
 ALL = Reserve()  # nothing is kept back
-USUAL = Reserve(friction=0.9, pressure=0.75, support=0.04)  # see docs/decisions/execution.md
+USUAL = Reserve(friction=0.9, pressure=0.6, support=0.04)  # see docs/decisions/execution.md
