@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 import scenes  # noqa: F401  (chooses the folder of compiled kernels before numba is imported)
 
 if TYPE_CHECKING:
+    from drakeplan.execution import ExecutionOptions, ExecutionReport, Physics, play_plan
+    from drakeplan.execution.played import played_plan
     from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
     from drakeplan.plan.plan import Plan
     from drakeplan.plan.plan_file import inspect_plan, read_plan, write_plan
@@ -37,8 +39,11 @@ if TYPE_CHECKING:
 __all__ = [
     "DeformOptions",
     "DeformResult",
+    "ExecutionOptions",
+    "ExecutionReport",
     "Goal",
     "InputError",
+    "Physics",
     "Plan",
     "PlanOptions",
     "PlanResult",
@@ -54,6 +59,8 @@ __all__ = [
     "load_robot",
     "load_scene",
     "plan_scene",
+    "play_plan",
+    "played_plan",
     "read_plan",
     "robot_names",
     "show_plan",
@@ -63,6 +70,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "drakeplan.execution": ("ExecutionOptions", "ExecutionReport", "Physics", "play_plan"),
+    "drakeplan.execution.played": ("played_plan",),
     "drakeplan.experience.deformation": ("DeformOptions", "DeformResult", "deform"),
     "drakeplan.plan.plan": ("Plan",),
     "drakeplan.plan.plan_file": ("inspect_plan", "read_plan", "write_plan"),

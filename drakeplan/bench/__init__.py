@@ -12,6 +12,7 @@ BENCHES = {
     "maps": "large floors and fine maps: time and memory of planning and verifying",
     "meshes": "every mesh of hpp-environments, one start and goal each: status, reason, time, memory",
     "execution": "plans played in physics: how many arrive, how near to the plan, what gave way",
+    "reserve": "what a reserve of friction and supports costs the planner and buys in physics",
     "scale": "growth with the number of surfaces and with the distance",
     "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
     "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",

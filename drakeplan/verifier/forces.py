@@ -52,11 +52,11 @@ def check_forces(sheet: Sheet, plan: PlanFile) -> None:
         distance[knot, effector] = wrench_distance(cone, f_C, cop, torque, supports, friction)
         sheet.add(f"wrench in {name} cone", distance, WRENCH, "M g", at)
     share, inner = plan.reserve()
+    distance = np.zeros(contact.shape)
     if min(share, inner) < 1.0:
         drawn_in = [corners.mean(axis=0) + inner * (corners - corners.mean(axis=0)) for corners in supports]
-        distance = np.zeros(contact.shape)
         distance[knot, effector] = wrench_distance(TRUE_CONE, f_C, cop, torque, drawn_in, share * friction)
-        sheet.add("wrench within the reserve", distance, WRENCH, "M g", at)
+    sheet.add("wrench within the reserve", distance, WRENCH, "M g", at)
 
 
 def check_momentum(sheet: Sheet, plan: PlanFile, robot: RobotModel) -> None:

@@ -231,6 +231,14 @@ MUTATIONS: dict[str, tuple[Corruption, set[str]]] = {
         put("contacts/support", (LEFT_AHEAD, [0, 3], 0), -0.05),
         {"wrench in true cone", "wrench in named cone"},
     ),
+    "a reserve of friction that is not kept": (
+        attribute("provenance", '{"reserve": {"friction": 0.01, "pressure": 1.0}}'),
+        {"wrench within the reserve"},
+    ),
+    "a reserve of pressure that is not kept": (
+        attribute("provenance", '{"reserve": {"friction": 1.0, "pressure": 0.05}}'),
+        {"wrench within the reserve"},
+    ),
     "an unknown surface": (put("contacts/surface", LEFT_AHEAD, 9), {"contact surface exists"}),
     "a foot on the wall": (put("contacts/surface", LEFT_AHEAD, 1), {"contact allowed", "contact normal"}),
     "the wall is for feet only": (scene("friction: 0.6", "contact: [left_foot]"), {"contact allowed"}),
