@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from typing import Generic, TypeVar
 
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from drakeplan.deadline import Deadline
@@ -18,6 +19,21 @@ from scenes.scene import Goal, Scene
 from scenes.stance import Stance
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 
+Made = TypeVar("Made")
+
+
+class _MadeOnce(Generic[Made]):
+    """A property that is made on first use, for a context and for those that differ in deadline or reserve alone."""
+
+    def __init__(self, make: Callable[[QueryContext], Made]) -> None:
+        self._make, self.__doc__ = make, make.__doc__
+
+    def __get__(self, context: QueryContext, owner: type) -> Made:
+        made, name = context.made, self._make.__name__
+        if name not in made:
+            made[name] = self._make(context)
+        return made[name]  # type: ignore[return-value]
+
 
 @dataclass(frozen=True, eq=False)
 class QueryContext:
@@ -31,6 +47,7 @@ class QueryContext:
         deadline: when the query has to stop.
         full_soles: whether all of every sole has to rest on something; else a part of it may (`Contact.support`).
         reserve: what is left unused of friction and supports.
+        made: what was made on first use, by name; one for all contexts of a query.
     """
 
     scene: Scene
@@ -40,42 +57,39 @@ class QueryContext:
     deadline: Deadline = field(default_factory=Deadline)
     full_soles: bool = False
     reserve: Reserve = ALL
+    made: dict[str, object] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
 
     def until(self, deadline: Deadline) -> QueryContext:
-        """The same context with another deadline; what was computed once serves both.
+        """The same context with another deadline.
 
         Args:
             deadline: the other one.
         """
-        other = replace(self, deadline=deadline)
-        other.__dict__.update({name: value for name, value in self.__dict__.items() if name != "deadline"})
-        return other
+        return replace(self, deadline=deadline)
 
     def without_reserve(self) -> QueryContext:
         """The same context where all that friction and supports give may be used."""
-        other = replace(self, reserve=ALL)
-        other.__dict__.update({name: value for name, value in self.__dict__.items() if name != "reserve"})
-        return other
+        return replace(self, reserve=ALL)
 
-    @cached_property
+    @_MadeOnce
     def packed(self) -> PackedTerrain:
         """The terrain as arrays for compiled code."""
         return pack_terrain(self.scene.terrain)
 
-    @cached_property
+    @_MadeOnce
     def robot_plant(self) -> RobotPlant:
         """Drake's plant of the robot alone."""
         return build_plant(self.robot)
 
-    @cached_property
+    @_MadeOnce
     def usable_palms(self) -> tuple[int, ...]:
         """The robot's palms that may touch some surface: indices into `EFFECTORS`."""
         return tuple(e for e in self.robot.palms if self.scene.terrain.surfaces_for(EFFECTORS[e]))
 
-    @cached_property
+    @_MadeOnce
     def start(self) -> Stance:
         """The first stance.
 
@@ -84,7 +98,7 @@ class QueryContext:
         """
         return start_stance(self.scene, self.packed, self.robot, self.full_soles)
 
-    @cached_property
+    @_MadeOnce
     def goal(self) -> Goal:
         """The goal at the height of its floor.
 
@@ -93,17 +107,17 @@ class QueryContext:
         """
         return check_goal(self.scene, self.packed, self.robot, float(self.start.feet_mean()[2]), self.full_soles)
 
-    @cached_property
+    @_MadeOnce
     def floor_notes(self) -> list[str]:
         """A line for each of start and goal that had several floors to choose from."""
         return floor_notes(self.scene, self.packed, self.robot, self.start, self.goal, self.full_soles)
 
-    @cached_property
+    @_MadeOnce
     def torso_grid(self) -> TorsoGrid:
         """Distances of the torso to the goal; it grows on demand, and what has grown serves every attempt."""
         return TorsoGrid(self.packed, self.robot, self.goal)
 
-    @cached_property
+    @_MadeOnce
     def scene_on_ground(self) -> Scene:
         """The scene with start and goal at the height of the ground that they were set down on."""
         start = self.scene.start

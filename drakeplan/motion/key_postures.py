@@ -11,32 +11,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import shapely
-from shapely.geometry.polygon import orient
-from shapely.ops import nearest_points
 
 from drakeplan.motion.course_dynamics import ComCourse
 from drakeplan.motion.posture_branches import COMFORT, MISSED, best_of, holding_joints, on_one_branch
 from drakeplan.motion.proximity import ProximityMonitor
+from drakeplan.motion.resting_place import BalanceRegions, inset, resting_point
 from drakeplan.motion.separation import Room, Shortage, separate_bodies, shortages
 from drakeplan.motion.swing import SwingCurve
 from drakeplan.motion.ways_to_stand import ways_to_stand
 from drakeplan.timing.phases import MOVE, Schedule
-from optimization.balance.balance_regions import balance_polygon, contact_arrays
-from optimization.balance.friction import FrictionCone
-from optimization.balance.reserve import ALL, Reserve
 from optimization.inverse_kinematics.frame_task import LEVER, TrackingTargets
 from optimization.inverse_kinematics.posture_tracking import TrackedPostures, track_postures
 from optimization.inverse_kinematics.standing_postures import StandingPostures, Way, standing_postures
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from optimization.multibody.kinematic_tree import KinematicTree
-from scenes.contact import Contact
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
 
-MARGIN = 0.03  # [m] the CoM keeps from the edge of the balance polygon, less where the polygon is smaller
 MARGINS = (0.02, 0.012, 0.006, 0.0)  # [m] tried where the legs do not reach that
-MAX_CORNERS = 48  # of a balance polygon
 HOLD, COM, LOW, UPRIGHT, POSTURE = 300.0, 10.0, 3.0, 0.6, 0.1  # weights of contacts, CoM, its height, base, joints
 KNEE_SLACK = 0.15  # [rad] of every joint's range that key postures leave unused, so that the motion has some
 CLOSEST = 0.006  # [m] that bodies built to pass each other closely keep in a second attempt, and all in a third
@@ -111,61 +103,6 @@ class KeyPostures:
         return Complaint(
             "centre of mass", f"the centre of mass stays {1e3 * com:.0f} mm from where the contacts balance it"
         )
-
-
-class BalanceRegions:
-    """Balance polygons of sets of contacts, each computed once."""
-
-    def __init__(self, robot: Robot, cone: FrictionCone, reserve: Reserve = ALL) -> None:
-        """Prepares an empty cache.
-
-        Args:
-            robot: its force limits and contact patches.
-            cone: friction cone of every contact.
-            reserve: what is left unused.
-        """
-        self._robot, self._cone, self._reserve = robot, cone, reserve
-        self._known: dict[tuple[Contact, ...], np.ndarray] = {}
-
-    def __call__(self, contacts: tuple[Contact, ...]) -> np.ndarray:
-        """(V, 2) corners, CCW [m]; V = 0 where the contacts balance nowhere."""
-        if contacts not in self._known:
-            arrays = contact_arrays(contacts, self._robot, self._cone, self._reserve)
-            self._known[contacts] = balance_polygon(arrays, MAX_CORNERS)
-        return self._known[contacts]
-
-
-def inset(region: np.ndarray, margin: float) -> np.ndarray:
-    """(V, 2) the region reduced by a margin along its edge, counter-clockwise [m]; V = 0 where nothing is left.
-
-    Args:
-        region: (V, 2) corners of a convex polygon in W's horizontal plane [m].
-        margin: width to remove [m].
-    """
-    if margin <= 0.0:
-        return region
-    inner = shapely.Polygon(region).buffer(-margin, join_style="mitre")
-    return np.zeros((0, 2)) if inner.is_empty else np.array(orient(inner).exterior.coords)[:-1]
-
-
-def resting_point(region: np.ndarray, toward: np.ndarray, margin: float = MARGIN) -> np.ndarray:
-    """(2,) the point of the region inside the margin that is nearest to a given point [m].
-
-    Args:
-        region: (V, 2) corners of a convex polygon in W's horizontal plane [m].
-        toward: (2,) the given point [m].
-        margin: distance to keep from the edge [m], less where the region is too narrow.
-    """
-    inner = inset(region, margin)
-    while not len(inner) and margin > 1e-3:
-        margin *= 0.7
-        inner = inset(region, margin)
-    if not len(inner):
-        return np.asarray(region).mean(axis=0)
-    polygon, point = shapely.Polygon(inner), shapely.Point(toward)
-    if polygon.contains(point):
-        return np.asarray(toward, dtype=float)
-    return np.array(nearest_points(polygon, point)[0].coords[0])
 
 
 def solve_key_postures(

@@ -20,8 +20,9 @@ from drakeplan.motion.check import Problem, excess, velocities
 from drakeplan.motion.course_dynamics import ComCourse, SequenceDynamics
 from drakeplan.motion.frames import ROUGH, MotionFrames
 from drakeplan.motion.free_timing import effort, free_durations
-from drakeplan.motion.key_postures import BalanceRegions, solve_key_postures
+from drakeplan.motion.key_postures import solve_key_postures
 from drakeplan.motion.proximity import ProximityMonitor
+from drakeplan.motion.resting_place import BalanceRegions
 from drakeplan.motion.setting import Setting
 from drakeplan.motion.targets import Detour, plan_swings, swing_between
 from drakeplan.progress import Progress, ProgressEvent

@@ -266,6 +266,9 @@ def _move(frames: FrameTask, fixed: np.ndarray, q: np.ndarray, dv: np.ndarray, t
     T, nv = fixed.shape[0], frames.posture_weight.shape[0]
     step = np.empty(nv)
     for t in range(T):
+        if fixed[t]:
+            trial[t] = q[t]
+            continue
         for i in range(nv):
             step[i] = min(max(dv[t * nv + i], -STEP), STEP)
         integrate(q[t], step, 1.0, trial[t])
