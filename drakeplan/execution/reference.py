@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from drakeplan.plan.plan import Plan, PlanCentroidal, PlanMotion
 from scenes.input_error import InputError
 
-AROUND = 1  # intervals before and after one whose planned wrenches are averaged with its own, in the same phase
+EVERY = 5  # frames from one point of the CoM's spline to the next: its second derivative is fed forward
 
 
 class Sample(NamedTuple):
@@ -76,11 +76,10 @@ class PlanReference:
         motion, centroidal = plan.motion, plan.centroidal
         self.duration = float(motion.t[-1])
         self._q = CubicSpline(motion.t, motion.q)
-        slope = centroidal.linear_momentum / plan.mass
-        slope[1:-1] = 0.5 * (slope[1:-1] + slope[2:])  # com[n+1] - com[n] = dt l[n+1] / M
-        self._com = CubicHermiteSpline(centroidal.t, centroidal.com, slope)
         self._angular = CubicSpline(centroidal.t, centroidal.angular_momentum)
-        X_WE = self._poses(motion)
+        X_WE, com = self._poses(motion)
+        every = np.unique(np.append(np.arange(0, len(motion.t), EVERY), len(motion.t) - 1))
+        self._com = CubicSpline(motion.t[every], com[every], bc_type="clamped")
         self._p = CubicSpline(motion.t, X_WE[..., :3, 3])
         self._R = [RotationSpline(motion.t, Rotation.from_matrix(X[:, :3, :3])) for X in X_WE.swapaxes(0, 1)]
         self._wrenches: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
@@ -110,6 +109,8 @@ class PlanReference:
     def wrench(self, effector: int, contact: int, s: float) -> np.ndarray:
         """(6,) planned moment about the contact point [N m] and force [N] on the robot, in the contact's frame.
 
+        Planned wrenches jump from knot to knot; here straight lines join the middles of the intervals.
+
         Args:
             effector: its index.
             contact: index of the contact that it holds.
@@ -117,7 +118,7 @@ class PlanReference:
         """
         key = (effector, contact)
         if key not in self._wrenches:
-            self._wrenches[key] = self._averaged(effector, contact)
+            self._wrenches[key] = self._at_middles(effector, contact)
         middle, wrench = self._wrenches[key]
         return np.array([np.interp(s, middle, component) for component in wrench.T])
 
@@ -126,28 +127,25 @@ class PlanReference:
         assert self._plan.centroidal is not None
         return self._plan.centroidal
 
-    def _poses(self, motion: PlanMotion) -> np.ndarray:
-        """(T, E, 4, 4) of the end effectors in every frame."""
+    def _poses(self, motion: PlanMotion) -> tuple[np.ndarray, np.ndarray]:
+        """(T, E, 4, 4) of the end effectors and (T, 3) CoM [m] in every frame.
+
+        The CoM is that of the postures: the one of the momenta is up to a centimetre ahead of it, and tasks that pull apart tilt
+        the body.
+        """
         frames = [self._plant.GetFrameByName(name) for name in self._plan.effectors]
-        X_WE = np.empty((len(motion.t), len(frames), 4, 4))
+        X_WE, com = np.empty((len(motion.t), len(frames), 4, 4)), np.empty((len(motion.t), 3))
         for k, q in enumerate(motion.q):
             self._plant.SetPositions(self._context, q)
             X_WE[k] = [frame.CalcPoseInWorld(self._context).GetAsMatrix4() for frame in frames]
-        return X_WE
+            com[k] = self._plant.CalcCenterOfMassPositionInWorld(self._context)
+        return X_WE, com
 
-    def _averaged(self, effector: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) middles of the intervals that hold a contact [s], and (n, 6) its wrench there.
-
-        Planned wrenches jump from knot to knot: each is averaged with its neighbours, and they are joined by straight lines.
-        """
+    def _at_middles(self, effector: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) middles of the intervals that hold a contact [s], and (n, 6) its wrench there, in the contact's frame."""
         c, R_WC = self._centroidal, self._plan.contacts.X_WC[contact, :3, :3]
-        force, cop = c.force_W[:, effector] @ R_WC, c.cop_C[:, effector]
-        moment = np.cross(np.pad(cop, ((0, 0), (0, 1))), force)
-        moment[:, 2] += c.torque_n[:, effector]
-        wrench = np.hstack([moment, force])
         held = np.flatnonzero(c.contact[:-1, effector] == contact)
-        averaged = np.empty((len(held), 6))
-        for row, n in enumerate(held):
-            near = range(max(n - AROUND, 0), min(n + AROUND + 1, len(wrench) - 1))
-            averaged[row] = wrench[[m for m in near if np.array_equal(c.contact[m], c.contact[n])]].mean(axis=0)
-        return 0.5 * (c.t[held] + c.t[held + 1]), averaged
+        force, cop = c.force_W[held, effector] @ R_WC, c.cop_C[held, effector]
+        moment = np.cross(np.pad(cop, ((0, 0), (0, 1))), force)
+        moment[:, 2] += c.torque_n[held, effector]
+        return 0.5 * (c.t[held] + c.t[held + 1]), np.hstack([moment, force])

@@ -44,6 +44,7 @@ PALMS_SHARE = 0.35  # of the deadline after which feet that know a way are tried
 LEARNED_SHARE = 0.3  # of the time for learned dynamics after which those that find no way over places to rest give up
 RESTING_SHARE = 0.6  # of the time left for searching with quasi-static dynamics before a way without rest is asked for
 SCOUTING = 3.0  # [s] at most for finding out whether a way has places to rest
+RESERVE_SCOUTING = 2.0  # [s] the same for whether one keeps the reserve
 FEET_SCOUTING = 0.6  # [s] the same for whether the feet alone find one
 FEET_SHARE = 0.5  # of what is left then for searching with the feet alone
 FEET_REPAIRS = 3  # of what they find
@@ -138,6 +139,12 @@ def _within_the_reserve_or_not(
     """One query that keeps the reserve of friction and supports; where it brings no verified plan, one without."""
     if context.reserve == ALL:
         return _palms_or_feet(context, options, dynamics, record, tell)
+    if not _reserve_has_a_way(context, options):
+        record.notes.append(
+            "no way keeps a reserve of friction and supports, as far as a short search says: planned without"
+        )
+        tell(ProgressEvent("search", record.notes[-1]))
+        return _palms_or_feet(context.without_reserve(), options, dynamics, record, tell)
     result = _palms_or_feet(context.until(context.deadline.part(RESERVED_SHARE)), options, dynamics, record, tell)
     alike = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
     if result.status == "complete" or result.proved or alike or context.deadline.why():
@@ -148,6 +155,13 @@ def _within_the_reserve_or_not(
     tell(ProgressEvent("search", record.notes[-1]))
     record.limits_fired = [limit for limit in record.limits_fired if limit != "deadline"]
     return _palms_or_feet(context.without_reserve(), options, dynamics, record, tell)
+
+
+def _reserve_has_a_way(context: QueryContext, options: PlanOptions) -> bool:
+    """Whether a short search knows a way that keeps the reserve; one with a budget of expansions is not asked."""
+    if options.expansions is not None or not planner_entry(options.planner).judges_transitions:
+        return True
+    return _finds_a_way(context, options, "quasi-static", RESERVE_SCOUTING)
 
 
 def _palms_or_feet(

@@ -11,6 +11,7 @@ import numpy as np
 
 from optimization.balance.contact_wrench import SMALLEST
 from optimization.balance.friction import contains
+from optimization.centroidal.force_limits import force_limits
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.trajectory import LEAST_LOAD, CentroidalTrajectory
@@ -140,7 +141,8 @@ def _contacts(
     off = _off_support(options.reserve.supports(problem.supports), t)
     outside = np.where(force_C[..., 2] > LEAST_LOAD * weight, off, 0.0)
     free = np.where(held, 0.0, np.abs(t.force_W).max(axis=2) + np.abs(t.torque_n))
-    overload = force_C[..., 2] - np.asarray(options.force_limit) * weight
+    limits = force_limits(problem.schedule, options)
+    overload = force_C[..., 2] - weight * np.vstack([limits, limits[-1:]])
     reach = np.asarray(options.com_reach)
     after = np.linalg.norm(t.com[1:, None] - p_WC[:-1], axis=2) - reach  # at the end of each interval
     before = np.linalg.norm(t.com[1:, None] - p_WC[1:], axis=2) - reach  # at the start of the next one

@@ -11,6 +11,7 @@ import numpy as np
 
 from optimization.balance.contact_wrench import SMALLEST, CornerForces
 from optimization.centroidal.cost import cost_terms
+from optimization.centroidal.force_limits import force_limits
 from optimization.centroidal.options import ARM, CentroidalOptions
 from optimization.centroidal.problem import CentroidalProblem
 from optimization.centroidal.trajectory import WrenchIntegrator
@@ -28,6 +29,7 @@ class CentroidalData:
         interval, effector: (J,) of each active contact.
         p_WC, R_WC: (J, 3) points [m] and (J, 3, 3) orientations of the active contacts in W.
         half, middle: (J, 2) half extents and centres of the boxes around their supports, less the reserve, in C [m].
+        force_limit: (J,) greatest normal forces [M g].
         corners: their corner forces and cones [M g].
         integrator: gives the motion under contact wrenches.
         origin: (3,) initial CoM in W, that the variable com is relative to [m].
@@ -49,6 +51,7 @@ class CentroidalData:
     R_WC: np.ndarray
     half: np.ndarray
     middle: np.ndarray
+    force_limit: np.ndarray
     corners: CornerForces
     integrator: WrenchIntegrator
     origin: np.ndarray
@@ -92,6 +95,7 @@ class CentroidalData:
             R_WC=integrator.R_WC,
             half=half,
             middle=middle,
+            force_limit=force_limits(schedule, options)[interval, effector],
             corners=CornerForces(options.cone, reserve.friction * friction[held], supports, ARM),
             integrator=integrator,
             origin=np.array(problem.initial_com),

@@ -192,8 +192,8 @@ class CentroidalProgram:
         """(f, m) - map force = 0, and f_z within the end effector's limit."""
         wrench, force = self.data.index["wrench"], self.data.index["force"]
         self._add_rows("contact wrench", lambda: contact_wrench_rows(wrench, force, self.data.corners.map))
-        limit = np.asarray(self.options.force_limit, float)[self.data.effector]
-        self._add_bounds("force limit", wrench[:, 2], lambda: (np.full(len(limit), -np.inf), limit))
+        free = np.full(len(wrench), -np.inf)
+        self._add_bounds("force limit", wrench[:, 2], lambda: (free, self.data.force_limit))
 
     def _add_friction_cones(self) -> None:
         """Faces of the cone for each corner force; Lorentz cones for `second_order` where the solver takes them."""
