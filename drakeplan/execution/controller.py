@@ -151,7 +151,8 @@ class WholeBodyController:
         self._solvers: dict[tuple[int, int], piqp.DenseSolver] = {}
         self._tau = np.zeros(self._nv - 6)
         self.failures = 0
-        self.com, self.com_v = np.zeros(3), np.zeros(3)
+        self.com: np.ndarray = np.zeros(3)
+        self.com_v: np.ndarray = np.zeros(3)
         self.poses: list[tuple[np.ndarray, np.ndarray]] = []
 
     def look(self, q: np.ndarray, v: np.ndarray) -> None:

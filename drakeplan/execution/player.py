@@ -18,8 +18,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
 from drakeplan.execution.controller import Gains, Hold, Swing, Task, WholeBodyController
-from drakeplan.execution.reference import Course, PlanReference, Sample
+from drakeplan.execution.reference import Course, PlanReference
 from drakeplan.execution.report import ExecutionReport
+from drakeplan.execution.watch import SLIPPED, RunWatch
 from drakeplan.execution.world import Physics, World
 from drakeplan.plan.plan import Plan, PlanPhases
 from scenes.effector import is_foot
@@ -43,15 +44,8 @@ PALM_SPEED, CHANGE = 0.5, 8.0  # of the playback while only palms move; how fast
 PALM_ACCELERATION = 20.0  # [m/s^2] of feed-forward: an arm's jerks must not shake the body
 PALM_SWING, PALM_FORCE, PALM_GRIP = 0.5, 15.0, 60.0  # emphasis of its swing and force; stiffness of its grip [1/s^2]
 FILTER = 0.5  # of each new force in what is felt
-LOWEST, STEEPEST, FARTHEST = (
-    0.5,
-    np.deg2rad(50.0),
-    0.35,
-)  # of the height at the start; tilt of the base; CoM off the plan [m]
 STAND = 1.0  # [s] that it has to stand in the end
 PATIENCE = 3.0  # times the plan's length at most
-SLIP_LOAD = 20.0  # [N] under which a contact's motion is no slip
-SLIPPED = 0.05  # [m] of slip that is named as the cause of a fall
 
 
 @dataclass(frozen=True)
@@ -114,22 +108,16 @@ class _Player:
         self.since = [np.inf] * count  # seconds for which a contact has been held; the first ones always were
         self.offset: list[tuple[np.ndarray, np.ndarray] | None] = [None] * count  # where a swing began, off the plan
         self.grip: list[tuple[np.ndarray, np.ndarray] | None] = [None] * count
-        self.anchor: list[np.ndarray | None] = [None] * count
         self.felt = np.zeros((count, 3))
-        self.slips, self.com_error = np.zeros(count), 0.0
-        self.shares: list[float] = []
-        self.late: list[float] = []
-        self.early = 0
-        self.collisions: dict[str, int] = {}
+        self.first = self.reference.at(0.0)
+        self.watch = RunWatch(plan, self.first.com[2] - self._lowest(self.first.q))
 
     # The run -------------------------------------------------------------------------------------------------------
 
     def run(self, tell: Callable[[float, float], None]) -> ExecutionReport:
         """Plays until the robot has stood at the end for a while, or fell."""
-        options, reference = self.options, self.reference
-        first = reference.at(0.0)
-        self.world.begin(first.q)
-        self._height = first.com[2] - self._lowest(first.q)
+        options, reference, watch = self.options, self.reference, self.watch
+        self.world.begin(self.first.q)
         pushes = [] if options.push is None else [options.push]
         times, states = [], []
         began, reason = time.perf_counter(), ""
@@ -146,10 +134,11 @@ class _Player:
             self._set_rate()
             sample = reference.at(self.s)
             u = self.controller.torques(sample, self._rate(), self._tasks())
-            self._count(sample, force, others)
+            watch.shares.append(self.controller.share_of_limit())
+            watch.count(self.controller.poses, self.held, force, others)
             times.append(self.s)
             states.append(q)
-            reason = self._fallen(sample, q)
+            reason = watch.fall(self.controller.com, sample.com, self.controller.poses, q, self.phase)
             if reason or self.t > PATIENCE * reference.duration + STAND:
                 reason = reason or "it did not come to the plan's end"
                 break
@@ -212,7 +201,7 @@ class _Player:
             if missing and self.waited < WAIT:
                 return
             if missing or self.waited > 0.0:
-                self.late.append(self.waited)
+                self.watch.late.append(self.waited)
             for e, c in enumerate(following):
                 if c < 0 <= self.held[e]:
                     self._lift(e)
@@ -225,10 +214,12 @@ class _Player:
         """A swing begins where the effector is, not where the plan has it."""
         (p, R), course = self.controller.poses[e], self.reference.course(e, self.s)
         self.offset[e] = (p - course.p, Rotation.from_matrix(R @ course.R.T).as_rotvec())
-        self.held[e], self.grip[e], self.anchor[e] = -1, None, None
+        self.held[e], self.grip[e] = -1, None
+        self.watch.begin_anew(e)
 
     def _take(self, e: int, contact: int) -> None:
-        self.held[e], self.since[e], self.anchor[e] = contact, 0.0, None
+        self.held[e], self.since[e] = contact, 0.0
+        self.watch.begin_anew(e)
 
     def _take_early_touches(self) -> None:
         """Takes contacts that are felt near their places late in the swing, or while the plan waits for them."""
@@ -243,7 +234,7 @@ class _Player:
             felt = force > (FELT_FOOT if self.feet[e] else FELT_PALM)
             if felt and np.linalg.norm(self.controller.poses[e][0] - X_WC[:3, 3]) < near:
                 self._take(e, int(contact))
-                self.early += not self._stalled()
+                self.watch.early += not self._stalled()
 
     def _set_rate(self) -> None:
         """Slows the plan down while palms alone move, and lets it run again, gently."""
@@ -332,52 +323,12 @@ class _Player:
             alpha = alpha * min(1.0, 4.0 * PALM_ACCELERATION / max(float(np.linalg.norm(alpha)), 1e-9))
         return Swing(Course(p, R, v, w, a, alpha), 1.0 if self.feet[e] else PALM_SWING)
 
-    # Statistics ------------------------------------------------------------------------------------------------------
-
-    def _count(self, sample: Sample, force: np.ndarray, others: list[str]) -> None:
-        self.com_error = max(self.com_error, float(np.linalg.norm(self.controller.com - sample.com)))
-        self.shares.append(self.controller.share_of_limit())
-        for pair in set(others):
-            self.collisions[pair] = self.collisions.get(pair, 0) + 1
-        for e, contact in enumerate(self.held):
-            if contact < 0 or force[e] @ self.plan.contacts.X_WC[contact, :3, 2] < SLIP_LOAD:
-                continue
-            p = self.controller.poses[e][0]
-            if self.anchor[e] is None:
-                self.anchor[e] = p.copy()
-            self.slips[e] = max(self.slips[e], float(np.linalg.norm(p - self.anchor[e])))
+    # What comes out --------------------------------------------------------------------------------------------------
 
     def _lowest(self, q: np.ndarray) -> float:
         """Height of the lower foot [m]."""
         self.controller.look(q, np.zeros(len(q) - 1))
         return min(p[2] for (p, _), foot in zip(self.controller.poses, self.feet, strict=True) if foot)
-
-    def _fallen(self, sample: Sample, q: np.ndarray) -> str:
-        """Why the robot counts as fallen, "" while it does not."""
-        foot = min(p[2] for (p, _), is_it in zip(self.controller.poses, self.feet, strict=True) if is_it)
-        tilt = float(np.arccos(np.clip(1.0 - 2.0 * (q[1] ** 2 + q[2] ** 2), -1.0, 1.0)))
-        off = float(np.linalg.norm(self.controller.com - sample.com))
-        if self.controller.com[2] - foot < LOWEST * self._height:
-            what = "it sank"
-        elif tilt > STEEPEST:
-            what = f"it tipped by {np.degrees(tilt):.0f} deg"
-        elif off > FARTHEST:
-            what = f"the CoM was {100 * off:.0f} cm from the plan"
-        else:
-            return ""
-        return f"{what} in phase {self.phase}{self._cause()}"
-
-    def _cause(self) -> str:
-        """What gave way first, as far as it was seen."""
-        names = self.plan.effectors
-        slipped = [
-            f"{names[e].replace('_', ' ')} slipped {100 * self.slips[e]:.0f} cm"
-            for e in np.flatnonzero(self.slips > SLIPPED)
-        ]
-        touched = [f"{pair} touched" for pair, count in self.collisions.items() if count > 10]
-        waited = [f"a contact came {max(self.late):.2f} s late"] if self.late and max(self.late) >= WAIT else []
-        causes = [*slipped, *touched, *waited]
-        return f" ({'; '.join(causes)})" if causes else ""
 
     def _report(self, reason: str, wall: float, times: np.ndarray, states: np.ndarray) -> ExecutionReport:
         goal, distance = scene_from_yaml(self.plan.scene_yaml, "the plan").goal, None
@@ -392,7 +343,7 @@ class _Player:
             notes.append(f"{self.world.left_out} triangles of meshes do not collide: only surfaces and boxes do")
         if self.controller.unlimited:
             notes.append(f"the model has no torque limit for {', '.join(self.controller.unlimited[:3])}")
-        shares = np.array(self.shares) if self.shares else np.zeros(1)
+        shares = np.array(self.watch.shares) if self.watch.shares else np.zeros(1)
         return ExecutionReport(
             reached=not reason,
             reason=reason,
@@ -402,13 +353,13 @@ class _Player:
             simulated_s=self.t,
             real_time_factor=self.t / max(wall, 1e-9),
             goal_distance_m=distance,
-            slips_m=dict(zip(self.plan.effectors, self.slips.tolist(), strict=True)),
-            com_error_m=self.com_error,
+            slips_m=dict(zip(self.plan.effectors, self.watch.slips.tolist(), strict=True)),
+            com_error_m=self.watch.com_error,
             torque_share=float(shares.max()),
             saturated_share=float(np.mean(shares > 0.999)),
-            late_touches=tuple(self.late),
-            early_touches=self.early,
-            collisions=self.collisions,
+            late_touches=tuple(self.watch.late),
+            early_touches=self.watch.early,
+            collisions=self.watch.collisions,
             programs_failed=self.controller.failures,
             notes=tuple(notes),
             plan_time=times,
