@@ -156,6 +156,18 @@ def test_a_light_robot_whose_soles_are_welded_to_its_ankles_walks_too() -> None:
     assert not any("world" in pair for pair in report.collisions)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "seed", "palms"), [("random_surfaces", 1, None), ("rubble_corridor", 6, 1)])
+def test_plans_on_polygons_and_with_a_palm_on_a_wall_arrive(name: str, seed: int, palms: int | None) -> None:
+    result = plan_scene(load_scene(name, seed=seed), ROBOT, PlanOptions(seed=seed, expansions=150, deadline=300.0))
+    assert result.status == "complete", result.reason
+    assert palms is None or result.report["palms_used"] == palms
+    report = play_plan(result.plan, MODEL)
+    assert report.reached, report.text()
+    assert report.com_error_m < 0.05
+    assert report.programs_failed == 0
+
+
 def test_the_played_motion_takes_the_place_of_the_planned_one(walk: Plan, played: ExecutionReport) -> None:
     shown = played_plan(walk, played)
     assert np.array_equal(shown.motion.t, walk.motion.t)
