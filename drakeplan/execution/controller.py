@@ -18,19 +18,22 @@ posture, contacts that hold still and end effectors that swing.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-import piqp
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.spatial.transform import Rotation
 
 from drakeplan.execution.reference import Course, Sample
 from optimization.balance.contact_wrench import skew
+from optimization.convex import piqp_adapter
 from optimization.multibody.inverse_dynamics import joint_damping
 from scenes.gravity import GRAVITY
+from scenes.input_error import InputError
 
 V = JacobianWrtVariable.kV
 GENERATORS = 8  # edges of the pyramid at each corner
@@ -137,6 +140,9 @@ class WholeBodyController:
             effectors: names of the end effectors' frames.
             mass: of the robot [kg].
             gains: see `Gains`.
+
+        Raises:
+            InputError: PIQP is not installed.
         """
         self._plant, self._context, self.gains = plant, plant.CreateDefaultContext(), gains or Gains()
         self._weight, self._nv, self._world = mass * GRAVITY, plant.num_velocities(), plant.world_frame()
@@ -148,7 +154,10 @@ class WholeBodyController:
         self._limit = np.abs(self._select) @ np.where(np.isfinite(effort), effort, UNLIMITED)
         self._limit[self._limit == 0.0] = UNLIMITED
         self._low, self._high = plant.GetPositionLowerLimits()[7:], plant.GetPositionUpperLimits()[7:]
-        self._solvers: dict[tuple[int, int], piqp.DenseSolver] = {}
+        if not piqp_adapter.available():
+            raise InputError("playing a plan in physics needs PIQP: pip install 'drakeplan[fast]'")
+        self._piqp = importlib.import_module("piqp")  # optional: whoever only plans need not have it
+        self._solvers: dict[tuple[int, int], Any] = {}
         self._tau = np.zeros(self._nv - 6)
         self.failures = 0
         self.com: np.ndarray = np.zeros(3)
@@ -318,7 +327,7 @@ class WholeBodyController:
         key = (len(program[1]), len(program[4]))
         solver = self._solvers.get(key)
         if solver is None:
-            solver = self._solvers[key] = piqp.DenseSolver()
+            solver = self._solvers[key] = self._piqp.DenseSolver()
             solver.settings.verbose, solver.settings.max_iter = False, 60
             solver.settings.eps_abs, solver.settings.eps_rel = ACCURACY, 0.1 * ACCURACY
             solver.setup(*program)
@@ -326,7 +335,7 @@ class WholeBodyController:
             solver.update(*program)
         status = solver.solve()
         z = np.array(solver.result.x)
-        good = status == piqp.PIQP_SOLVED or (np.isfinite(z).all() and solver.result.info.primal_res < 1e-3)
+        good = status == self._piqp.PIQP_SOLVED or (np.isfinite(z).all() and solver.result.info.primal_res < 1e-3)
         return z if good else None
 
 

@@ -15,6 +15,7 @@ from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.balance.reserve import USUAL, Reserve
+from optimization.convex import piqp_adapter
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.georeference import to_local
@@ -131,6 +132,8 @@ def check_options(options: PlanOptions) -> None:
         InputError: an unknown name, or a number that is none or out of range.
     """
     entry = planner_entry(options.planner)
+    if options.simulate and not piqp_adapter.available():
+        raise InputError("--simulate needs PIQP: pip install 'drakeplan[fast]'")
     if options.dynamics not in (None, *get_args(DynamicsName)):
         raise unknown_name("dynamics", options.dynamics, get_args(DynamicsName))
     if options.footholds not in get_args(FootholdsName):

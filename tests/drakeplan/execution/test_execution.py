@@ -22,6 +22,7 @@ from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
+from optimization.convex import piqp_adapter
 from scenes.files.scene_source import load_scene
 from scenes.gravity import GRAVITY
 from scenes.robots.robot import load_robot
@@ -224,6 +225,13 @@ def test_the_command_says_what_came_of_it(walk: Plan, tmp_path: Path, capsys: py
 def test_numbers_that_cannot_be_are_named(more: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "plan.h5", *more]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_without_its_solver_the_command_says_what_to_install(walk: Plan, tmp_path: Path, capsys, monkeypatch) -> None:
+    write_plan(walk, tmp_path / "plan.h5")
+    monkeypatch.setattr(piqp_adapter, "available", lambda: False)
+    assert main(["simulate", str(tmp_path / "plan.h5")]) == 2
+    assert "pip install 'drakeplan[fast]'" in capsys.readouterr().err
 
 
 def test_a_plan_of_contacts_alone_cannot_be_played(walk: Plan, tmp_path: Path, capsys) -> None:

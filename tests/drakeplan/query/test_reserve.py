@@ -14,7 +14,9 @@ from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.result import PlanResult
 from optimization.balance.reserve import ALL, USUAL
+from optimization.convex import piqp_adapter
 from scenes.files.scene_source import load_scene
+from scenes.input_error import InputError
 from scenes.robots.robot import load_robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.surface import Surface
@@ -118,3 +120,9 @@ def test_nothing_is_played_where_nobody_asks(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(drakeplan.execution, "play_plan", falls(0, played))
     assert walk().report["simulated"] is None
     assert not played
+
+
+def test_playing_without_its_solver_is_refused_before_anything_is_planned(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(piqp_adapter, "available", lambda: False)
+    with pytest.raises(InputError, match=r"--simulate needs PIQP: pip install 'drakeplan\[fast\]'"):
+        walk(simulate=True)
