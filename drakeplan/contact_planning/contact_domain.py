@@ -349,9 +349,10 @@ class ContactDomain:
         supports = no_supports(len(lost))
         rest_feet(self.packed, mover, xy_yaw, lost, z_range, self._patches[mover], WIGGLE, placed, supports)
         half = self.robot.effectors[mover].half_extent
-        for k in np.flatnonzero(supports.count).tolist() if self.least_support > 0.0 else ():
-            if not holds_a_disc(supports.corners[k], int(supports.count[k]), self.least_support):
-                supports.count[k], placed.surface[k] = 0, -1
+        if self.least_support > 0.0:
+            for k in np.flatnonzero(supports.count).tolist():
+                if not holds_a_disc(supports.corners[k], int(supports.count[k]), self.least_support):
+                    supports.count[k], placed.surface[k] = 0, -1
         found = zip(supports.count.tolist(), supports.friction.tolist(), strict=True)
         return [Rest(supports.of(k, half), friction) if count else None for k, (count, friction) in enumerate(found)]
 

@@ -97,7 +97,10 @@ class SearchPlanner:
             context.torso_grid,
             start.contacts[0].heading if start.contacts[0] else 0.0,
         )
-        self.domain.full_soles, self.domain.least_support = context.full_soles, context.reserve.support
+        self.domain.full_soles = context.full_soles
+        self.domain.least_support = context.reserve.support * min(
+            min(foot.half_extent) for foot in context.robot.effectors[:2]
+        )
         held = tuple(-1 if c is None else self._pool.add_contact(c) for c in start.contacts)
         self._start_state: State = (*held, -1)
         self._heuristic_weight = np.inf

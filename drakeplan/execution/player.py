@@ -269,16 +269,7 @@ class _Player:
         most = MOST_FORCE * plan.mass * GRAVITY * fade * (1.0 if self.feet[e] else 0.5)
         corners, friction = plan.contacts.corners(contact), float(plan.contacts.friction[contact])
         if self.feet[e]:
-            return Hold(
-                corners,
-                friction,
-                wrench,
-                most,
-                1.0,
-                self._flat(e, contact),
-                FOOT_GRIP,
-                drift,
-            )
+            return Hold(corners, friction, wrench, most, 1.0, self._flat(e, contact), FOOT_GRIP, drift)
         if self.grip[e] is None and self.since[e] > 0.1:
             self.grip[e] = self.controller.poses[e]
         return Hold(corners, friction, wrench, most, PALM_FORCE, self.grip[e], PALM_GRIP)

@@ -16,7 +16,7 @@ class Reserve:
     Attributes:
         friction: share of each friction coefficient that forces may use.
         pressure: share of each support, shrunk about the mean of its corners, in which the pressure stays.
-        support: inner radius that a part of a sole needs to be stood on [m].
+        support: inner radius of the parts of a sole that are stood on, as a share of half the sole's width.
         brief: greatest normal force in the first interval of a contact and in its last, while another foot carries [M g]; None:
             as in all others.
     """
@@ -31,7 +31,7 @@ class Reserve:
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"reserve: {name} must be above 0 and at most 1, got {getattr(self, name)}")
         if not 0.0 <= self.support < 1.0:
-            raise InputError(f"reserve: support must be from 0 to 1 m, got {self.support}")
+            raise InputError(f"reserve: support must be from 0 to below 1, got {self.support}")
         if self.brief is not None and not self.brief > 0.0:
             raise InputError(f"reserve: brief must be above 0, got {self.brief}")
 
@@ -50,4 +50,4 @@ class Reserve:
 
 
 ALL = Reserve()  # nothing is kept back
-USUAL = Reserve(friction=0.9, pressure=0.6, support=0.048, brief=0.1)  # see docs/decisions/execution.md
+USUAL = Reserve(friction=0.9, pressure=0.6, support=0.96, brief=0.1)  # see docs/decisions/execution.md

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import drakeplan.execution
+from drakeplan.contact_planning.search_planner import SearchPlanner
+from drakeplan.context import QueryContext
 from drakeplan.execution import ExecutionReport
 from drakeplan.plan.plan import Plan
 from drakeplan.query.options import PlanOptions
@@ -15,6 +18,7 @@ from drakeplan.query.planning import plan_scene
 from drakeplan.query.result import PlanResult
 from optimization.balance.reserve import ALL, USUAL
 from optimization.convex import piqp_adapter
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.input_error import InputError
 from scenes.robots.robot import load_robot
@@ -126,3 +130,13 @@ def test_playing_without_its_solver_is_refused_before_anything_is_planned(monkey
     monkeypatch.setattr(piqp_adapter, "available", lambda: False)
     with pytest.raises(InputError, match=r"--simulate needs PIQP: pip install 'drakeplan\[fast\]'"):
         walk(simulate=True)
+
+
+@pytest.mark.parametrize("width", [0.5, 1.0])
+def test_how_much_of_a_sole_is_stood_on_goes_with_the_robots_soles(width: float) -> None:
+    feet = [
+        dataclasses.replace(e, half_extent=(e.half_extent[0], width * e.half_extent[1])) for e in ESCHER.effectors[:2]
+    ]
+    robot = dataclasses.replace(ESCHER, effectors=(*feet, *ESCHER.effectors[2:]))
+    planner = SearchPlanner(QueryContext(load_scene("flat"), robot, WholeBodyIK(ESCHER), reserve=USUAL))
+    assert planner.domain.least_support == pytest.approx(USUAL.support * width * ESCHER.effectors[0].half_extent[1])
