@@ -51,8 +51,8 @@ def run(options: BenchOptions) -> BenchTable:
             rows.append(_row(scene, name, found))
     notes = (
         f"friction: {USUAL.friction:g} of each coefficient; pressure: within {USUAL.pressure:g} of each support; supports: parts of "
-        f"soles with an inner radius of {USUAL.support:g} of half their width alone; brief: at most {USUAL.brief:g} M g in the first and "
-        "last 0.2 s of a contact; effort: the objective of Lin 2020 sec. 6.3 over the whole plan.",
+        f"soles with an inner radius of {USUAL.support:g} of half their width alone; brief: at most {USUAL.brief:g} M g in the first "
+        "and last 0.2 s of a contact; effort: the objective of Lin 2020 sec. 6.3 over the whole plan.",
     )
     return BenchTable(
         "reserve", "What plans leave unused, and how many arrive", COLUMNS, tuple(rows), notes, most_seeds=MOST_SEEDS
