@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,8 @@ class Gains:
         w_force, w_moment, w_yaw, w_lambda: weights of forces, moments and yaw torques off the plan's, and of all forces, in
             units of M g.
         share: of the support, seen from its middle, in which the pressure stays.
+        alarm: errors of the capture point [m] between which balance comes to outweigh everything else.
+        alarmed: factors of w_com, of w_base and w_posture, and of w_spin at the greater of them.
     """
 
     capture: float = 3.0
@@ -77,6 +79,23 @@ class Gains:
     w_yaw: float = 3.0
     w_lambda: float = 1e-2
     share: float = 0.9
+    alarm: tuple[float, float] = (0.02, 0.05)
+    alarmed: tuple[float, float, float] = (30.0, 0.1, 0.0)
+
+    def when_off_balance(self, error: float) -> Gains:
+        """These gains while the capture point is off by an error [m].
+
+        A push that carries the capture point beyond the sole is met with angular momentum: trunk and arms turn, and the force
+        on the CoM passes beside it (hip strategy; Stephens 2007). The pressure may use the whole support then.
+        """
+        z = float(np.clip((error - self.alarm[0]) / (self.alarm[1] - self.alarm[0]), 0.0, 1.0))
+        if z == 0.0:
+            return self
+        com, upright, spin = (1.0 + z * (factor - 1.0) for factor in self.alarmed)
+        return replace(
+            self, w_com=com * self.w_com, w_base=upright * self.w_base, w_posture=upright * self.w_posture,
+            w_spin=spin * self.w_spin, share=self.share + z * (1.0 - self.share),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +164,7 @@ class WholeBodyController:
             InputError: PIQP is not installed.
         """
         self._plant, self._context, self.gains = plant, plant.CreateDefaultContext(), gains or Gains()
+        self._now = self.gains  # those of the last state
         self._weight, self._nv, self._world = mass * GRAVITY, plant.num_velocities(), plant.world_frame()
         self._frames = [plant.GetFrameByName(name) for name in effectors]
         self._select, self._damping = plant.MakeActuationMatrix()[6:], joint_damping(plant)
@@ -214,15 +234,15 @@ class WholeBodyController:
             R = self.poses[e][1]
             wrench_W = np.vstack([R @ G[:3], R @ G[3:]])
             forces[:, columns.start - nv : columns.stop - nv] = self._jacobian(e).T @ wrench_W
-            arm, moment = np.abs(task.corners).max(axis=0) + 1e-3, self.gains.w_moment
+            arm, moment = np.abs(task.corners).max(axis=0) + 1e-3, self._now.w_moment
             scale = np.sqrt(task.emphasis) * np.concatenate(
                 [
-                    np.sqrt([moment, moment, self.gains.w_yaw]) / np.array([arm[1], arm[0], arm.sum()]),
-                    np.full(3, np.sqrt(self.gains.w_force)),
+                    np.sqrt([moment, moment, self._now.w_yaw]) / np.array([arm[1], arm[0], arm.sum()]),
+                    np.full(3, np.sqrt(self._now.w_force)),
                 ]
             )
             S = scale[:, None] * G
-            P[columns, columns] = S.T @ S + self.gains.w_lambda * np.eye(G.shape[1])
+            P[columns, columns] = S.T @ S + self._now.w_lambda * np.eye(G.shape[1])
             c[columns] = -S.T @ (scale * task.wrench / self._weight)
             caps[row, columns], most[row] = 1.0, task.most / self._weight
         forces *= self._weight
@@ -249,11 +269,12 @@ class WholeBodyController:
         self, sample: Sample, rate: float, tasks: Sequence[Task], M: np.ndarray, coriolis: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows A, wanted values y and weights w of all tasks on the accelerations."""
-        g, plant, context, nv, v = self.gains, self._plant, self._context, self._nv, self._v
+        plant, context, nv, v = self._plant, self._context, self._nv, self._v
         omega = np.sqrt(GRAVITY / max(self.com[2] - min(p[2] for p, _ in self.poses[:2]), 0.3))
+        off, off_v = self.com - sample.com, self.com_v - rate * sample.com_v
+        g = self._now = self.gains.when_off_balance(float(np.hypot(*(off + off_v / omega)[:2])))
         stiff = np.array([omega**2 * g.capture] * 2 + [g.com_height[0]])
         damped = np.array([omega * (1.0 + g.capture)] * 2 + [g.com_height[1]])
-        off, off_v = self.com - sample.com, self.com_v - rate * sample.com_v
         bias = plant.CalcBiasCenterOfMassTranslationalAcceleration(context, V, self._world, self._world)
         wanted = rate**2 * sample.com_a - stiff * off - damped * off_v - bias
         rows = [(self._J_com, wanted, np.array([g.w_com, g.w_com, g.w_com_height]))]
@@ -288,7 +309,7 @@ class WholeBodyController:
 
     def _follow(self, e: int, course: Course, velocity: np.ndarray) -> np.ndarray:
         """(6,) acceleration that leads an end effector back to its course."""
-        (p, R), (stiff, damped) = self.poses[e], self.gains.swing
+        (p, R), (stiff, damped) = self.poses[e], self._now.swing
         turn = course.alpha + stiff * _between(course.R, R) + damped * (course.w - velocity[:3])
         return np.concatenate([turn, course.a + stiff * (course.p - p) + damped * (course.v - velocity[3:])])
 
@@ -300,7 +321,7 @@ class WholeBodyController:
         edges = np.vstack([task.friction * np.cos(angle), task.friction * np.sin(angle), np.ones(GENERATORS)])
         middle = task.corners.mean(axis=0)
         columns = []
-        for corner in middle + self.gains.share * (task.corners - middle):
+        for corner in middle + self._now.share * (task.corners - middle):
             columns.append(np.vstack([skew(np.array([*corner, 0.0])) @ edges, edges]))
         return np.hstack(columns)
 

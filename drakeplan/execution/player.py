@@ -18,6 +18,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
 from drakeplan.execution.controller import Gains, Hold, Swing, Task, WholeBodyController
+from drakeplan.execution.landed import landed_support, landed_wrench
 from drakeplan.execution.reference import Course, PlanReference
 from drakeplan.execution.report import ExecutionReport
 from drakeplan.execution.watch import SLIPPED, RunWatch
@@ -43,6 +44,7 @@ BLEND = 0.6  # share of a swing over which it comes from where the effector was 
 PALM_SPEED, CHANGE = 0.5, 8.0  # of the playback while only palms move; how fast it changes to that and back [1/s]
 PALM_ACCELERATION = 20.0  # [m/s^2] of feed-forward: an arm's jerks must not shake the body
 PALM_SWING, PALM_FORCE, PALM_GRIP = 0.5, 15.0, 60.0  # emphasis of its swing and force; stiffness of its grip [1/s^2]
+CONE = 0.95  # of the friction coefficient that the controller uses
 FILTER = 0.5  # of each new force in what is felt
 STAND = 1.0  # [s] that it has to stand in the end
 PATIENCE = 3.0  # times the plan's length at most
@@ -263,16 +265,25 @@ class _Player:
         leaves = self._now()[e] >= 0 > self._next()[e]
         left = (self._end() - self.s) / max(self.rate, 1e-6) if leaves else np.inf
         fade = min(float(np.clip(self.since[e] / RAMP, 0.1, 1.0)), float(np.clip(left / RAMP, 0.02, 1.0)))
-        wrench = fade * self.reference.wrench(e, contact, self.s)
+        X_CE = self._landed(e, contact)
+        wrench = fade * landed_wrench(self.reference.wrench(e, contact, self.s), X_CE)
         if np.isfinite(self.since[e]) and not leaves:
             wrench[5] = max(wrench[5], LEAST_FOOT if self.feet[e] else LEAST_PALM)
         most = MOST_FORCE * plan.mass * GRAVITY * fade * (1.0 if self.feet[e] else 0.5)
-        corners, friction = plan.contacts.corners(contact), float(plan.contacts.friction[contact])
+        corners = landed_support(plan.contacts.corners(contact), plan.half_extent[e], X_CE)
+        friction = CONE * float(plan.contacts.friction[contact])
         if self.feet[e]:
             return Hold(corners, friction, wrench, most, 1.0, self._flat(e, contact), FOOT_GRIP, drift)
         if self.grip[e] is None and self.since[e] > 0.1:
             self.grip[e] = self.controller.poses[e]
         return Hold(corners, friction, wrench, most, PALM_FORCE, self.grip[e], PALM_GRIP)
+
+    def _landed(self, e: int, contact: int) -> np.ndarray:
+        """(4, 4) pose of a patch in the frame of the contact that it holds."""
+        (p, R), X_CE = self.controller.poses[e], np.eye(4)
+        R_WC = self.plan.contacts.X_WC[contact, :3, :3]
+        X_CE[:3, :3], X_CE[:3, 3] = R_WC.T @ R, R_WC.T @ (p - self.plan.contacts.X_WC[contact, :3, 3])
+        return X_CE
 
     def _flat(self, e: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
         """Where a foot comes to lie: flat on its surface."""

@@ -2,9 +2,10 @@
 
 Soles and palms touch with small spheres at the corners of their patches and of every support that the plan uses: the
 pressure of a stiff sole on a stiff stone is not spread evenly, and evenly spread pressure holds half the yaw torque.
-Rectangles are Boxes, on which spheres are exact. Other polygons are Convex bodies, for which Drake's collision library now
-and then returns a wrong face: on a plate of 3 cm once in 300 poses of a sphere, on one of 20 cm once in 10000 (measured
-once), so that those that the plan stands on are thick.
+Rectangles are Boxes, on which spheres are exact. Other polygons are Convex bodies. Of a sphere near their edge Drake's
+collision library returns the face that the ray from the body's middle through the sphere leaves by: on a plate of 3 cm the
+side, up to 1 cm and more from the edge; on a body as deep as it is wide always the top. Those that the plan stands on are as
+deep as nothing forbids.
 """
 
 # pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
@@ -31,7 +32,9 @@ from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, Multibod
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
+from scipy.spatial import ConvexHull
 
+from drakeplan.motion.resting_place import inset
 from drakeplan.plan.plan import Plan
 from scenes.effector import is_foot
 from scenes.files.scene_file import scene_from_yaml
@@ -39,12 +42,15 @@ from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Box as BoxObstacle
 
 PLATE = 0.03  # [m] thickness of a rectangle, down from its face
-SLAB, STOOD_ON = 0.03, 0.20  # [m] the same of another polygon, and of one that the plan uses
+SLAB, WALL = 0.03, 0.20  # [m] the same of another polygon, and of one that palms use
+DEPTHS = (2.0, 1.0, 0.5, 0.25)  # of one that feet use, in units of its radius: the first in which no other contact lies
+CLEAR = 0.02  # [m] over its surface that a contact needs free
 CORNER = 0.004  # [m] radius of the spheres that touch
 RING = [(1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]  # of a patch, in half extents
 NEIGHBOURS = 3  # joints up the limb: links up to there do not collide with its patch
 INNER = 0.75  # size of a second ring
 APART = 0.01  # [m] spheres nearer than this to one that is there already are left out
+INSET = 0.008  # [m] from the edge of a support, where others touch: a foot never lands exactly
 FOOT_DEPTH, PALM_DEPTH = 0.03, 0.02  # [m] of the box behind a patch
 GRIP = (
     1e6  # friction of the robot: Drake combines two as 2 m n / (m + n), half the terrain's and this give the terrain's
@@ -95,7 +101,7 @@ class World:
         self.plant, self._graph = AddMultibodyPlant(config, builder)
         Parser(self.plant).AddModels(model)
         for number, surface in enumerate(terrain.surfaces):
-            self._add_surface(number, surface, STOOD_ON if number in used else SLAB)
+            self._add_surface(number, surface, _depth(surface, number, plan) if number in used else SLAB)
         boxes = [o for o in terrain.obstacles if isinstance(o, BoxObstacle)]
         for box in boxes:
             X_WO = RigidTransform(box.X_WO)
@@ -178,9 +184,8 @@ class World:
             X_WB, size = box
             self.plant.RegisterCollisionGeometry(world, X_WB, Box(*size, PLATE), name, material)
             return
-        down = np.array([0.0, 0.0, -1.0]) if surface.normal[2] > 0.7 else -surface.normal
-        corners = np.vstack([surface.vertices, surface.vertices + slab * down])
-        self.plant.RegisterCollisionGeometry(world, RigidTransform(), Convex(corners.T, name), name, material)
+        shape = Convex(_body_under(surface, slab).T, name)
+        self.plant.RegisterCollisionGeometry(world, RigidTransform(), shape, name, material)
 
     def _add_patch(self, plan: Plan, e: int) -> None:
         """Spheres in place of what the model has for a sole or palm and what is welded to it."""
@@ -216,15 +221,42 @@ class World:
             filters.Apply(CollisionFilterDeclaration().ExcludeBetween(mine, GeometrySet(near)))
 
 
-def _touching_points(plan: Plan, e: int) -> list[np.ndarray]:
-    """(2,) points of a patch that touch: two rings, and the corners of every support of its contacts [m].
+def _is_floor(surface: Surface) -> bool:
+    return bool(surface.normal[2] > 0.7)
 
-    With its corners alone a sole whose corner is over an edge would tilt until its middle touches.
+
+def _body_under(surface: Surface, depth: float) -> np.ndarray:
+    """(2 V, 3) corners of the body with that depth under a surface: straight down, or into the wall."""
+    down = np.array([0.0, 0.0, -1.0]) if _is_floor(surface) else -surface.normal
+    return np.vstack([surface.vertices, surface.vertices + depth * down])
+
+
+def _depth(surface: Surface, number: int, plan: Plan) -> float:
+    """How deep the body under a surface that the plan uses can be without reaching over another of its contacts [m]."""
+    if not _is_floor(surface):
+        return WALL
+    radius = float(np.linalg.norm(surface.vertices - surface.vertices.mean(axis=0), axis=1).max())
+    others = np.flatnonzero(plan.contacts.surface != number)
+    points = [X[:3, 3] + X[:3, :2] @ corner + CLEAR * X[:3, 2] for k in others
+              for X in [plan.contacts.X_WC[k]] for corner in plan.contacts.corners(int(k))]  # fmt: skip
+    for depth in (share * radius for share in DEPTHS):
+        faces = ConvexHull(_body_under(surface, depth)).equations
+        if all((faces[:, :3] @ point + faces[:, 3]).max() > 0.0 for point in points):
+            return max(depth, SLAB)
+    return SLAB
+
+
+def _touching_points(plan: Plan, e: int) -> list[np.ndarray]:
+    """(2,) points of a patch that touch: two rings, and the corners of every support of its contacts and others inside [m].
+
+    With its corners alone a sole whose corner is over an edge would tilt until its middle touches. The corners of a support
+    lie on the edge of the terrain itself: those of a sole that stands a millimetre off touch nothing.
     """
     half = plan.half_extent[e]
     points = [half * np.array(p) for p in RING] + [INNER * half * np.array(p) for p in RING]
     for k in np.flatnonzero(plan.contacts.effector == e):
-        for corner in plan.contacts.corners(int(k)):
+        corners = plan.contacts.corners(int(k))
+        for corner in [*corners, *inset(corners, INSET)]:
             if min(np.linalg.norm(corner - p) for p in points) > APART:
                 points.append(corner)
     return points
