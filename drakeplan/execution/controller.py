@@ -110,6 +110,7 @@ class Hold:
         emphasis: how much more its force counts than a foot's.
         grip: pose that it is drawn back to, position and rotation; None: it only stops.
         stiffness: of that [1/s^2].
+        damping: of its motion [1/s]; None: that of the gains.
         drift: (3,) velocity in W at which it looks for its surface [m/s]; 0 where it carries.
     """
 
@@ -120,6 +121,7 @@ class Hold:
     emphasis: float = 1.0
     grip: tuple[np.ndarray, np.ndarray] | None = None
     stiffness: float = 0.0
+    damping: float | None = None
     drift: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
@@ -302,7 +304,9 @@ class WholeBodyController:
             if task.grip is not None:
                 p, R = self.poses[e]
                 back = task.stiffness * np.concatenate([_between(task.grip[1], R), task.grip[0] - p])
-            still = g.still * (np.concatenate([np.zeros(3), task.drift]) - J @ v)
+            still = (g.still if task.damping is None else task.damping) * (
+                np.concatenate([np.zeros(3), task.drift]) - J @ v
+            )
             rows.append((J, back + still - bias, np.full(6, g.w_still)))
         A, y, w = zip(*rows, strict=True)
         return np.vstack(A), np.concatenate(y), np.concatenate(w)

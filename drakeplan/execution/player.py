@@ -43,7 +43,12 @@ MOST_FORCE = 2.0  # of M g on one foot; half of that on a palm
 BLEND = 0.6  # share of a swing over which it comes from where the effector was to where the plan has it
 PALM_SPEED, CHANGE = 0.5, 8.0  # of the playback while only palms move; how fast it changes to that and back [1/s]
 PALM_ACCELERATION = 20.0  # [m/s^2] of feed-forward: an arm's jerks must not shake the body
-PALM_SWING, PALM_FORCE, PALM_GRIP = 0.5, 15.0, 60.0  # emphasis of its swing and force; stiffness of its grip [1/s^2]
+PALM_SWING, PALM_FORCE = 0.5, 15.0  # emphasis of its swing and force
+PALM_GRIP, PALM_DAMPING = (
+    200.0,
+    25.0,
+)  # [1/s^2], [1/s] along its surface: friction that is not as planned moves a light arm
+GRIP_AFTER = 0.05  # [s] from its touch on
 CONE = 0.95  # of the friction coefficient that the controller uses
 FILTER = 0.5  # of each new force in what is felt
 STAND = 1.0  # [s] that it has to stand in the end
@@ -273,10 +278,10 @@ class _Player:
         corners = landed_support(plan.contacts.corners(contact), plan.half_extent[e], X_CE)
         friction = CONE * float(plan.contacts.friction[contact])
         if self.feet[e]:
-            return Hold(corners, friction, wrench, most, 1.0, self._flat(e, contact), FOOT_GRIP, drift)
-        if self.grip[e] is None and self.since[e] > 0.1:
+            return Hold(corners, friction, wrench, most, 1.0, self._flat(e, contact), FOOT_GRIP, drift=drift)
+        if self.grip[e] is None and self.since[e] > GRIP_AFTER:
             self.grip[e] = self.controller.poses[e]
-        return Hold(corners, friction, wrench, most, PALM_FORCE, self.grip[e], PALM_GRIP)
+        return Hold(corners, friction, wrench, most, PALM_FORCE, self._kept(e, contact), PALM_GRIP, PALM_DAMPING)
 
     def _landed(self, e: int, contact: int) -> np.ndarray:
         """(4, 4) pose of a patch in the frame of the contact that it holds."""
@@ -290,6 +295,14 @@ class _Player:
         p, X_WC = self.controller.poses[e][0], self.plan.contacts.X_WC[contact]
         above = float((p - X_WC[:3, 3]) @ X_WC[:3, 2])
         return p - above * X_WC[:3, 2], X_WC[:3, :3]
+
+    def _kept(self, e: int, contact: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Where a palm is drawn back to along its surface; nothing draws it along the normal."""
+        grip = self.grip[e]
+        if grip is None:
+            return None
+        n = self.plan.contacts.X_WC[contact, :3, 2]
+        return grip[0] + float((self.controller.poses[e][0] - grip[0]) @ n) * n, grip[1]
 
     def _bounced(self, e: int) -> bool:
         """Whether a foot that came down has left its surface again, while the other carries."""
