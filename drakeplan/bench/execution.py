@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from drakeplan.execution import ExecutionOptions, ExecutionReport, Physics, play
 from drakeplan.plan.plan import Plan
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
+from drakeplan.timing.step_timing import Timing
+from optimization.balance.friction import FrictionCone
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
@@ -25,6 +28,9 @@ COLUMNS = (
 )  # fmt: skip
 ONCE = ("flat", "stairs", "narrow_flat", "tilted_slab", "slippery_slope", *MESHES)  # the same for every seed
 HARD, TRIES = ("tilted_slab", "slippery_slope"), 3  # planned with so many seeds
+HOW: dict[str, dict[str, Any]] = {  # what its plans need: only motion crosses it, and only with the true cone
+    "slippery_slope": {"dynamics": "exact", "cone": FrictionCone.SECOND_ORDER, "timing": Timing(0.3, 0.6), "deadline": 60.0}
+}
 DISTURBED = "rubble_field"
 SCENES = (*ONCE, DISTURBED, "rubble_corridor", "random_surfaces")
 DEADLINE = 30.0  # [s] of each query
@@ -87,7 +93,7 @@ def numbers_of(report: ExecutionReport) -> dict:
 def _planned_and_played(name: str, seed: int, robot: Robot) -> dict:
     """Numbers of one plan and its run."""
     start, goal = MESHES.get(name, (None, None))
-    asked = PlanOptions(seed=seed, start=start, goal=goal, deadline=DEADLINE)
+    asked = PlanOptions(**{"seed": seed, "start": start, "goal": goal, "deadline": DEADLINE, **HOW.get(name, {})})
     result = plan_scene(load_case(name, seed), robot, asked)
     if result.status != "complete" or result.plan is None:
         return {"planned": False, "reason": result.reason}
