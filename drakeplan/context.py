@@ -70,9 +70,9 @@ class QueryContext:
         """
         return replace(self, deadline=deadline)
 
-    def without_reserve(self) -> QueryContext:
-        """The same context where all that friction and supports give may be used."""
-        return replace(self, reserve=ALL)
+    def keeping(self, reserve: Reserve) -> QueryContext:
+        """The same context with another reserve of friction and supports."""
+        return replace(self, reserve=reserve)
 
     @_MadeOnce
     def packed(self) -> PackedTerrain:

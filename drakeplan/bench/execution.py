@@ -29,7 +29,12 @@ COLUMNS = (
 ONCE = ("flat", "stairs", "narrow_flat", "tilted_slab", "slippery_slope", *MESHES)  # the same for every seed
 HARD, TRIES = ("tilted_slab", "slippery_slope"), 3  # planned with so many seeds
 HOW: dict[str, dict[str, Any]] = {  # what its plans need: only motion crosses it, and only with the true cone
-    "slippery_slope": {"dynamics": "exact", "cone": FrictionCone.SECOND_ORDER, "timing": Timing(0.3, 0.6), "deadline": 60.0}
+    "slippery_slope": {
+        "dynamics": "exact",
+        "cone": FrictionCone.SECOND_ORDER,
+        "timing": Timing(0.3, 0.6),
+        "deadline": 60.0,
+    }
 }
 DISTURBED = "rubble_field"
 SCENES = (*ONCE, DISTURBED, "rubble_corridor", "random_surfaces")

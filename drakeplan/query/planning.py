@@ -99,7 +99,7 @@ def plan_scene(
             return PlanResult("none", reason, None, report, notes=tuple(record.notes))
     result = _within_the_reserve_or_not(context, options, dynamics, record, tell)
     if context.reserve != ALL and result.status != "complete":
-        context = context.without_reserve()
+        context = context.keeping(ALL)
     hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
     if (
         _may_fall_back(context, options, dynamics)
@@ -136,25 +136,24 @@ def _load_kernels(context: QueryContext, tell: Progress) -> None:
 def _within_the_reserve_or_not(
     context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
 ) -> PlanResult:
-    """One query that keeps the reserve of friction and supports; where it brings no verified plan, one without."""
-    if context.reserve == ALL:
-        return _palms_or_feet(context, options, dynamics, record, tell)
-    if not _reserve_has_a_way(context, options):
-        record.notes.append(
-            "no way keeps a reserve of friction and supports, as far as a short search says: planned without"
-        )
+    """One query that keeps the reserve of friction and supports; where it brings no verified plan, one with less, then none."""
+    for reserve in dict.fromkeys((context.reserve, context.reserve.eased())):
+        if reserve == ALL:
+            continue
+        name = "a reserve" if reserve == context.reserve else "a smaller reserve"
+        within = context.keeping(reserve)
+        if not _reserve_has_a_way(within, options):
+            record.notes.append(f"no way keeps {name} of friction and supports, as far as a short search says")
+            tell(ProgressEvent("search", record.notes[-1]))
+            continue
+        result = _palms_or_feet(within.until(context.deadline.part(RESERVED_SHARE)), options, dynamics, record, tell)
+        alike = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
+        if result.status == "complete" or result.proved or alike or context.deadline.why():
+            return result
+        record.notes.append(f"no verified plan keeps {name} of friction and supports ({result.reason})")
         tell(ProgressEvent("search", record.notes[-1]))
-        return _palms_or_feet(context.without_reserve(), options, dynamics, record, tell)
-    result = _palms_or_feet(context.until(context.deadline.part(RESERVED_SHARE)), options, dynamics, record, tell)
-    alike = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
-    if result.status == "complete" or result.proved or alike or context.deadline.why():
-        return result
-    record.notes.append(
-        f"no verified plan keeps a reserve of friction and supports ({result.reason}); planned again without"
-    )
-    tell(ProgressEvent("search", record.notes[-1]))
-    record.limits_fired = [limit for limit in record.limits_fired if limit != "deadline"]
-    return _palms_or_feet(context.without_reserve(), options, dynamics, record, tell)
+        record.limits_fired = [limit for limit in record.limits_fired if limit != "deadline"]
+    return _palms_or_feet(context.keeping(ALL), options, dynamics, record, tell)
 
 
 def _reserve_has_a_way(context: QueryContext, options: PlanOptions) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenes.input_error import InputError
+
+EASED_PRESSURE = 0.8  # share of each support for the pressure, where no plan keeps more back
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,10 @@ class Reserve:
             raise InputError(f"reserve: support must be from 0 to below 1, got {self.support}")
         if self.brief is not None and not self.brief > 0.0:
             raise InputError(f"reserve: brief must be above 0, got {self.brief}")
+
+    def eased(self) -> Reserve:
+        """The same reserve with the pressure free in most of each support: what hard ground leaves more often."""
+        return replace(self, pressure=max(self.pressure, EASED_PRESSURE))
 
     def supports(self, corners: np.ndarray) -> np.ndarray:
         """(..., V, 2) supports in which the pressure stays [m].

@@ -16,7 +16,7 @@ from drakeplan.plan.plan import Plan
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.result import PlanResult
-from optimization.balance.reserve import ALL, USUAL
+from optimization.balance.reserve import ALL, USUAL, Reserve
 from optimization.convex import piqp_adapter
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
@@ -64,6 +64,16 @@ def test_where_no_plan_keeps_it_one_without_is_found_and_says_so() -> None:
     assert result.plan is not None
     assert result.plan.provenance["reserve"] == vars(ALL)
     assert any("no verified plan keeps a reserve" in note for note in result.notes)
+    assert any("keeps a smaller reserve" in note for note in result.notes)  # one with more room for the pressure was tried
+
+
+def test_an_eased_reserve_frees_the_pressure_alone_and_never_asks_for_more() -> None:
+    eased = USUAL.eased()
+    assert USUAL.pressure < eased.pressure < 1.0
+    assert dataclasses.replace(eased, pressure=USUAL.pressure) == USUAL
+    assert eased.eased() == eased
+    assert ALL.eased() == ALL
+    assert Reserve(pressure=0.9).eased() == Reserve(pressure=0.9)
 
 
 def report(reached: bool, at: float) -> ExecutionReport:
