@@ -44,10 +44,7 @@ BLEND = 0.6  # share of a swing over which it comes from where the effector was 
 PALM_SPEED, CHANGE = 0.5, 8.0  # of the playback while only palms move; how fast it changes to that and back [1/s]
 PALM_ACCELERATION = 20.0  # [m/s^2] of feed-forward: an arm's jerks must not shake the body
 PALM_SWING, PALM_FORCE = 0.5, 15.0  # emphasis of its swing and force
-PALM_GRIP, PALM_DAMPING = (
-    200.0,
-    25.0,
-)  # [1/s^2], [1/s] along its surface: friction that is not as planned moves a light arm
+PALM_GRIP, PALM_DAMPING = 200.0, 25.0  # [1/s^2], [1/s] along its surface: an arm is light and friction uncertain
 GRIP_AFTER = 0.05  # [s] from its touch on
 CONE = 0.95  # of the friction coefficient that the controller uses
 FILTER = 0.5  # of each new force in what is felt

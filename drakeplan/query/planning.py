@@ -153,6 +153,9 @@ def _within_the_reserve_or_not(
         record.notes.append(f"no verified plan keeps {name} of friction and supports ({result.reason})")
         tell(ProgressEvent("search", record.notes[-1]))
         record.limits_fired = [limit for limit in record.limits_fired if limit != "deadline"]
+    if context.reserve != ALL:
+        record.notes.append("planned without a reserve of friction and supports")
+        tell(ProgressEvent("search", record.notes[-1]))
     return _palms_or_feet(context.keeping(ALL), options, dynamics, record, tell)
 
 
