@@ -64,7 +64,8 @@ def test_where_no_plan_keeps_it_one_without_is_found_and_says_so() -> None:
     assert result.plan is not None
     assert result.plan.provenance["reserve"] == vars(ALL)
     assert any("no verified plan keeps a reserve" in note for note in result.notes)
-    assert any("keeps a smaller reserve" in note for note in result.notes)  # one with more room for the pressure was tried
+    assert any("keeps a smaller reserve" in note for note in result.notes)  # tried in between
+    assert "planned without a reserve of friction and supports" in result.notes
 
 
 def test_an_eased_reserve_frees_the_pressure_alone_and_never_asks_for_more() -> None:
