@@ -236,9 +236,10 @@ def _depth(surface: Surface, number: int, plan: Plan) -> float:
     if not _is_floor(surface):
         return WALL
     radius = float(np.linalg.norm(surface.vertices - surface.vertices.mean(axis=0), axis=1).max())
-    others = np.flatnonzero(plan.contacts.surface != number)
-    points = [X[:3, 3] + X[:3, :2] @ corner + CLEAR * X[:3, 2] for k in others
-              for X in [plan.contacts.X_WC[k]] for corner in plan.contacts.corners(int(k))]  # fmt: skip
+    points = []
+    for k in np.flatnonzero(plan.contacts.surface != number).tolist():
+        X_WC = plan.contacts.X_WC[k]
+        points += list(X_WC[:3, 3] + CLEAR * X_WC[:3, 2] + plan.contacts.corners(k) @ X_WC[:3, :2].T)
     for depth in (share * radius for share in DEPTHS):
         faces = ConvexHull(_body_under(surface, depth)).equations
         if all((faces[:, :3] @ point + faces[:, 3]).max() > 0.0 for point in points):

@@ -100,25 +100,41 @@ def plan_scene(
     result = _within_the_reserve_or_not(context, options, dynamics, record, tell)
     if context.reserve != ALL and result.status != "complete":
         context = context.keeping(ALL)
-    hopeless = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
-    if (
-        _may_fall_back(context, options, dynamics)
-        and result.status != "complete"
-        and record.expansions
-        and not hopeless
-    ):
-        record.notes.append(
-            f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics"
-        )
-        tell(ProgressEvent("search", record.notes[-1]))
-        second = _attempt(context, options, "quasi-static", record, tell)
-        result = dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))
+    result = _or_at_rest(result, context, options, dynamics, record, tell)
     result = _with_obstacle(result, context, options, dynamics)
     refusal = result.refusal
     if options.explain and refusal is not None and refusal.without_dynamics:
         tell(ProgressEvent("explain", "what blocks the dynamics, and what would free them"))
         result = _explained(result, refusal, context, options)
     return result
+
+
+def _or_at_rest(
+    result: PlanResult,
+    context: QueryContext,
+    options: PlanOptions,
+    dynamics: DynamicsName,
+    record: QueryRecord,
+    tell: Progress,
+) -> PlanResult:
+    """The result; where learned dynamics brought no verified plan and others may, that of quasi-static ones."""
+    if result.status == "complete" or result.hopeless or not record.expansions:
+        return result
+    if not _may_fall_back(context, options, dynamics):
+        return result
+    _note(
+        record,
+        tell,
+        f"no verified plan with learned dynamics ({result.reason}); planned again with quasi-static dynamics",
+    )
+    second = _attempt(context, options, "quasi-static", record, tell)
+    return dataclasses.replace(result if second.status == "none" else second, notes=tuple(record.notes))
+
+
+def _note(record: QueryRecord, tell: Progress, text: str) -> None:
+    """Keeps a note and tells it."""
+    record.notes.append(text)
+    tell(ProgressEvent("search", text))
 
 
 def _with_time_left(tell: Progress, deadline: Deadline) -> Progress:
@@ -137,25 +153,20 @@ def _within_the_reserve_or_not(
     context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
 ) -> PlanResult:
     """One query that keeps the reserve of friction and supports; where it brings no verified plan, one with less, then none."""
+    if context.reserve == ALL:
+        return _palms_or_feet(context, options, dynamics, record, tell)
     for reserve in dict.fromkeys((context.reserve, context.reserve.eased())):
-        if reserve == ALL:
-            continue
         name = "a reserve" if reserve == context.reserve else "a smaller reserve"
         within = context.keeping(reserve)
         if not _reserve_has_a_way(within, options):
-            record.notes.append(f"no way keeps {name} of friction and supports, as far as a short search says")
-            tell(ProgressEvent("search", record.notes[-1]))
+            _note(record, tell, f"no way keeps {name} of friction and supports, as far as a short search says")
             continue
         result = _palms_or_feet(within.until(context.deadline.part(RESERVED_SHARE)), options, dynamics, record, tell)
-        alike = result.refusal is not None and result.refusal.motion is not None and result.refusal.motion.alike
-        if result.status == "complete" or result.proved or alike or context.deadline.why():
+        if result.status == "complete" or result.proved or result.hopeless or context.deadline.why():
             return result
-        record.notes.append(f"no verified plan keeps {name} of friction and supports ({result.reason})")
-        tell(ProgressEvent("search", record.notes[-1]))
+        _note(record, tell, f"no verified plan keeps {name} of friction and supports ({result.reason})")
         record.limits_fired = [limit for limit in record.limits_fired if limit != "deadline"]
-    if context.reserve != ALL:
-        record.notes.append("planned without a reserve of friction and supports")
-        tell(ProgressEvent("search", record.notes[-1]))
+    _note(record, tell, "planned without a reserve of friction and supports")
     return _palms_or_feet(context.keeping(ALL), options, dynamics, record, tell)
 
 
@@ -192,10 +203,11 @@ def _at_rest_or_moving(
     result = _attempt(context, options, dynamics, record, tell, rest="only", share=LEARNED_SHARE)
     if result.status != "none" or not record.expansions or context.deadline.why():
         return result
-    record.notes.append(
-        f"no way with learned dynamics and places to rest ({result.reason}); planned again with quasi-static dynamics"
+    _note(
+        record,
+        tell,
+        f"no way with learned dynamics and places to rest ({result.reason}); planned again with quasi-static dynamics",
     )
-    tell(ProgressEvent("search", record.notes[-1]))
     resting = _attempt(context, options, "quasi-static", record, tell, share=RESTING_SHARE)
     if resting.status == "complete" or context.deadline.why():
         return resting

@@ -39,6 +39,11 @@ class PlanResult:
     explanation: Explanation | None = None
 
     @property
+    def hopeless(self) -> bool:
+        """Whether every transition failed for one cause, so that other contacts of the same kind would not help."""
+        return self.refusal is not None and self.refusal.motion is not None and self.refusal.motion.alike
+
+    @property
     def proved(self) -> bool:
         """Whether the goal is proved to be unreachable, so that no other search can find a way."""
         return self.status == "none" and self.reason.startswith(UNREACHABLE)
