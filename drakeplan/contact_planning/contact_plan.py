@@ -35,6 +35,7 @@ class PlannerOptions:
         longer: longer steps, tried only where those of the model lead no farther.
         footholds: whether a step or a palm ray that finds no foothold moves to the nearest one ("snapped"), or is lost
             ("fixed", as in Lin 2020).
+        library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
     """
 
     seed: int = 0
@@ -45,6 +46,7 @@ class PlannerOptions:
     model: TransitionModel = field(default_factory=transition_model)
     longer: TransitionModel | None = None
     footholds: FootholdsName = "snapped"
+    library: str = ""
 
     @property
     def longest_stride(self) -> float:

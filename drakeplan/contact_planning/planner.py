@@ -96,6 +96,7 @@ PLANNERS: dict[str, PlannerEntry] = {
     "search": PlannerEntry(
         "search of contacts (ANA*)", "drakeplan.contact_planning.search_planner:build", judges_transitions=True
     ),
+    "adapt": PlannerEntry("a stored plan, adapted to the terrain", "drakeplan.experience.adapt_planner:build"),
     "footsteps": PlannerEntry(
         "mixed-integer program of footsteps", "drakeplan.contact_planning.program_planner:build_footsteps"
     ),

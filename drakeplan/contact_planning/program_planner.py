@@ -18,16 +18,14 @@ import numpy as np
 
 from drakeplan.contact_planning.contact_domain import PlannerWeights, State
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
-from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.planner import ContactPlanner
-from drakeplan.contact_planning.transition_check import TransitionCheck
+from drakeplan.contact_planning.sequence_check import SequenceCheck, wrap
 from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from optimization.contact_programs.contact_query import ContactEstimate, ContactQuery, FootstepOptions
 from optimization.contact_programs.footstep_program import FootstepProgram
 from optimization.contact_programs.step_reach import step_reach
 from optimization.mixed_integer.solver import MixedIntegerSettings, Progress
-from scenes.contact import Contact
 from scenes.input_error import unknown_name
 from scenes.stance import Stance, changed_effector
 
@@ -166,13 +164,10 @@ class ProgramPlanner:
             raise unknown_name("planner", formulation, FORMULATIONS)
         self.context, options = context, options or PlannerOptions()
         robot, terrain = context.robot, context.scene.terrain
-        self._pool = ContactPool(context.packed)
-        self.check = TransitionCheck(self._pool, robot, context.ik, context.packed, context.cone, context.reserve)
+        self.sequences = SequenceCheck(context, weights)
         reach = step_reach(robot, options.model)
         self.query = ContactQuery(terrain, robot, context.start, context.goal, reach, context.cone)
         self.formulation, self._solver = formulation, solver
-        self._weights = weights or PlannerWeights()
-        self._numbers: dict[Contact, int] = {}
         self._failures: dict[str, int] = {}
         self.notes: list[SolveNote] = []
         self._count = SolveCount()
@@ -184,8 +179,7 @@ class ProgramPlanner:
 
     def start_problem(self) -> str:
         """Why the robot cannot stand at the start, "" if it can."""
-        reason = self.check.stance(self._held(self.context.start))
-        return reason and f"start infeasible: {reason}"
+        return self.sequences.start_problem(self.context.start)
 
     def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
         """Yields one sequence whose transitions all pass the check, if there is one in time; a later call resumes.
@@ -217,7 +211,7 @@ class ProgramPlanner:
             search.expansions += 1
             if found is None:
                 continue
-            cost = self._cost(found)
+            cost = self.sequences.cost(found)
             search.best_cost, search.ended_by = cost, "exhausted"
             states = self._states(found)
             yield ContactPlan(found, states, cost, None, search.expansions, self.setup_s + clock() - began)
@@ -250,7 +244,7 @@ class ProgramPlanner:
         Args:
             swing_is_clear: whether what moves from one stance to the next finds one.
         """
-        self.check.swing_is_clear = swing_is_clear
+        self.sequences.check.swing_is_clear = swing_is_clear
 
     def require_static_balance(self, required: bool) -> bool:
         """Changes nothing: every transition passes its critical configurations at rest already.
@@ -277,7 +271,7 @@ class ProgramPlanner:
             count, first=self._first_foot(), palms=palms, headings=self._headings(), step=1.0, turn=0.3
         )
         settings = MixedIntegerSettings(self._solver, time_limit=seconds, gap=GAP)
-        trial = _Trial(self.why_it_fails, limits)
+        trial = _Trial(self.sequences.why_it_fails, limits)
         estimate = _build(self.formulation, self.query, options).solve(
             settings, on_incumbent=trial.judge, stop=trial.stop
         )
@@ -304,11 +298,6 @@ class ProgramPlanner:
         if not estimate.limited:
             self._attempts = [*self._attempts[1:], *self._with_more(palms, count)]
         return None
-
-    def why_it_fails(self, stances: tuple[Stance, ...]) -> list[tuple[int, str]]:
-        """(k, reason) for every transition from stances[k] to the next that fails the transition check."""
-        reasons = [self.check.transition(self._held(a), self._held(b)) for a, b in itertools.pairwise(stances)]
-        return [(k, reason) for k, reason in enumerate(reasons) if reason]
 
     def _learn(
         self, failed: tuple[tuple[Stance, ...], list[tuple[int, str]]] | None, palms: tuple[int, ...], count: int
@@ -364,11 +353,11 @@ class ProgramPlanner:
         """Intervals of heading from the start's by way of the goal's direction to the goal's own."""
         yaw = self.query.feet[0].heading
         ahead = np.array(self.context.goal.xyz[:2]) - self.context.start.feet_mean()[:2]
-        wanted = [yaw, yaw + _wrap(np.arctan2(ahead[1], ahead[0]) - yaw)]
+        wanted = [yaw, yaw + wrap(np.arctan2(ahead[1], ahead[0]) - yaw)]
         if np.hypot(*ahead) < 1.0:
             wanted = [yaw]  # near goals are reached sideways
         if self.context.goal.yaw is not None:
-            wanted.append(yaw + _wrap(self.context.goal.yaw - yaw))
+            wanted.append(yaw + wrap(self.context.goal.yaw - yaw))
         low, high = min(wanted), max(wanted)
         if high - low < STRAIGHT:
             return ((yaw, yaw),)
@@ -378,39 +367,13 @@ class ProgramPlanner:
 
     # The search's measures ----------------------------------------------------------------------------------------
 
-    def _held(self, stance: Stance) -> tuple[int, ...]:
-        """Contact numbers by end effector, -1 where free."""
-        return tuple(-1 if c is None else self._number(c) for c in stance.contacts)
-
-    def _number(self, contact: Contact) -> int:
-        if contact not in self._numbers:
-            self._numbers[contact] = self._pool.add_contact(contact)
-        return self._numbers[contact]
-
     def _states(self, stances: tuple[Stance, ...]) -> tuple[State, ...]:
         moved = [-1, *(changed_effector(a, b) for a, b in itertools.pairwise(stances))]
         states: list[State] = []
         for stance, mover in zip(stances, moved, strict=True):
-            a, b, c, d = self._held(stance)
+            a, b, c, d = self.sequences.held(stance)
             states.append((a, b, c, d, mover))
         return tuple(states)
-
-    def _cost(self, stances: tuple[Stance, ...]) -> float:
-        """The sequence's cost by the search's measure (Lin 2020 eq. 3.2)."""
-        total = 0.0
-        for before, after in itertools.pairwise(stances):
-            mover = changed_effector(before, after)
-            old, new = before.contacts[mover], after.contacts[mover]
-            total += self._weights.step
-            if old is not None and new is not None:
-                total += float(np.linalg.norm(new.p_WC - old.p_WC))
-            if mover < 2 and old is not None and new is not None:
-                total += self._weights.turn * 0.5 * abs(_wrap(new.heading - old.heading))
-        return total
-
-
-def _wrap(angle: float) -> float:
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def build_footsteps(context: QueryContext, options: PlannerOptions) -> ContactPlanner:

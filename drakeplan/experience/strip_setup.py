@@ -1,4 +1,4 @@
-"""From a plan and a terrain to the problem of an elastic strip: configurations, contacts, and where those may go."""
+"""From a motion and a terrain to the problem of an elastic strip: configurations, contacts, and where those may go."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drakeplan.plan.plan import Plan, PlanMotion, PlanPhases
+from drakeplan.experience.key_motion import KeyMotion
 from optimization.balance.balance_regions import BalancePolygons
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone, frame_stands_alone
 from optimization.balance.static_equilibrium import polygon_margin
@@ -17,10 +17,9 @@ from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.contact import Contact, contact_pose, contact_rotation
 from scenes.effector import is_foot
 from scenes.footholds.contact_regions import ContactRegions, cover_terrain
-from scenes.input_error import InputError
 from scenes.robots.plant import nominal_posture
 from scenes.robots.robot import Robot
-from scenes.scene import Scene
+from scenes.scene import Goal, Scene
 from scenes.terrain.packed_terrain import PackedTerrain, near, pack_terrain
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import terrain_from
@@ -28,19 +27,18 @@ from scenes.terrain.terrain import terrain_from
 START_RADIUS = 0.14  # [m] that the mean of the feet may be from the start: the verifier allows 15 cm
 GOAL_SLACK = 0.005  # [m] of the goal's radius left unused
 FRICTION_SHARE = 0.97  # of the friction that a contact which carries alone counts on
+Choice = tuple[Contact, ContactRegions]  # where a contact goes, and the circles that it may move in
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which configurations make the strip, and how far contacts may be sent.
+    """How far contacts may be sent.
 
     Attributes:
-        per_phase: configurations of each phase, its start among them.
         furthest: distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact [m].
         turn: how far foot contacts may turn about their normals [rad].
     """
 
-    per_phase: int
     furthest: float
     turn: float
 
@@ -63,27 +61,6 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     sole = Contact("left_foot", 0, np.eye(4), 0.5)
     polygon = BalancePolygons(robot, [sole], DEFAULT_CONE)(np.array([0, -1, -1, -1]))
     polygon_margin(polygon, len(polygon), 0.0, 0.0)
-
-
-def complete_parts(plan: Plan) -> tuple[PlanPhases, PlanMotion]:
-    """Phases and motion of a complete plan.
-
-    Raises:
-        InputError: the plan has none.
-    """
-    if plan.phases is None or plan.motion is None:
-        raise InputError(f"deform: expected a complete plan, the one of {plan.scene_name!r} has no motion")
-    return plan.phases, plan.motion
-
-
-def stands_alone(plan: Plan) -> np.ndarray:
-    """(C,) bool, which contacts carry the robot alone in some phase."""
-    alone = np.zeros(len(plan.contacts), dtype=bool)
-    for row in complete_parts(plan)[0].contact:
-        held = row[row >= 0]
-        if len(held) == 1:
-            alone[held[0]] = True
-    return alone
 
 
 def contact_choices(
@@ -140,26 +117,24 @@ def choose_region(
 
 
 def make_problem(
-    plan: Plan,
-    scene: Scene,
-    planned: tuple[Contact, ...],
-    chosen: Sequence[tuple[Contact, ContactRegions]],
-    sampling: Sampling,
+    motion: KeyMotion,
+    chosen: Sequence[Choice],
+    gatherings: tuple[Gathering, ...] = (),
+    *,
+    balanced: bool = True,
 ) -> StripProblem:
-    """The elastic-strip problem of a complete plan whose contacts move to given regions.
+    """The elastic-strip problem of a motion whose contacts move to given regions.
 
     Args:
-        plan: complete, with phases and motion.
-        scene: the new scene, with start and goal.
-        planned: the plan's contacts.
-        chosen: for each of them the new contact and the circles in which it may move.
-        sampling: which configurations make the strip.
+        motion: contacts and configurations as they are now.
+        chosen: for each contact the new one and the circles in which it may move.
+        gatherings: places that the means of groups of contacts must be near.
+        balanced: whether the strip is asked for balance (Lin 2020 sec. 4.5.3); else its contacts are judged afterwards
+            (sec. 5.8.2).
     """
-    phases, motion = complete_parts(plan)
-    frames, phase, share, boundary = _samples(phases, motion.t, sampling.per_phase)
-    table = phases.contact
+    phase, table = motion.phase, motion.phases
     held, support = table[phase].copy(), table[phase].copy()
-    for n in np.flatnonzero(boundary):
+    for n in np.flatnonzero(motion.share == 0.0):
         p = phase[n]
         if n == len(phase) - 1 or p == 0:
             continue
@@ -174,48 +149,43 @@ def make_problem(
         if p + 1 < len(table):
             swing[n, free, 1] = table[p + 1, free]
     return StripProblem(
-        t=motion.t[frames],
-        q=motion.q[frames],
+        t=motion.t,
+        q=motion.q,
         phase=phase,
         contacts=tuple(contact for contact, _ in chosen),
-        planned=planned,
+        planned=motion.contacts,
         regions=tuple(regions for _, regions in chosen),
         held=held,
-        support=support,
+        support=support if balanced else np.full_like(support, -1),
         swing=swing,
-        share=share,
-        gatherings=_gatherings(plan, scene),
+        share=motion.share,
+        gatherings=gatherings,
     )
 
 
-def _samples(
-    phases: PlanPhases, t: np.ndarray, per_phase: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Frames of the motion, their phases, how far along those they are, and which are boundaries of phases."""
-    frames: list[int] = []
-    phase: list[int] = []
-    share: list[float] = []
-    for p, (start, end) in enumerate(zip(phases.start, phases.end, strict=True)):
-        for i in range(per_phase):
-            frame = int(np.argmin(np.abs(t - (start + (end - start) * i / per_phase))))
-            if not frames or frame > frames[-1]:
-                frames.append(frame)
-                phase.append(p)
-                share.append(i / per_phase)
-    if len(t) - 1 > frames[-1]:
-        frames, phase, share = [*frames, len(t) - 1], [*phase, len(phases) - 1], [*share, 0.0]
-    boundary = np.array(share) == 0.0
-    return np.array(frames), np.array(phase), np.array(share), boundary
+def start_gathering(motion: KeyMotion, scene: Scene) -> tuple[Gathering, ...]:
+    """The feet of the first stance near the scene's start, where that is no stance.
+
+    Args:
+        motion: whose first stance is meant.
+        scene: with the start.
+    """
+    if scene.start is None or scene.start.stance:
+        return ()
+    return (Gathering("start region", _feet(motion, 0), scene.start.xyz[:2], START_RADIUS),)
 
 
-def _gatherings(plan: Plan, scene: Scene) -> tuple[Gathering, ...]:
-    """The feet of the first stance near the start, those of the last within the goal."""
-    found = []
-    if scene.start is not None and not scene.start.stance:
-        feet = tuple(int(c) for c in plan.stances[0, :2] if c >= 0)
-        found.append(Gathering("start region", feet, (scene.start.xyz[0], scene.start.xyz[1]), START_RADIUS))
-    if scene.goal is not None:
-        feet = tuple(int(c) for c in plan.stances[-1, :2] if c >= 0)
-        radius = max(scene.goal.radius - GOAL_SLACK, 0.0)
-        found.append(Gathering("goal region", feet, (scene.goal.xyz[0], scene.goal.xyz[1]), radius))
-    return tuple(found)
+def goal_gathering(motion: KeyMotion, goal: Goal | None) -> tuple[Gathering, ...]:
+    """The feet of the last stance within the goal.
+
+    Args:
+        motion: whose last stance is meant.
+        goal: None for none.
+    """
+    if goal is None:
+        return ()
+    return (Gathering("goal region", _feet(motion, -1), goal.xyz[:2], max(goal.radius - GOAL_SLACK, 0.0)),)
+
+
+def _feet(motion: KeyMotion, stance: int) -> tuple[int, ...]:
+    return tuple(int(c) for c in motion.stances[stance, :2] if c >= 0)

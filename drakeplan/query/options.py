@@ -51,6 +51,7 @@ class PlanOptions:
         reserve: what is left unused of friction and supports; where no plan keeps it, one without it is looked for.
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
             Lin 2020.
+        library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
         stop: polled; True ends the query, which then returns the best contacts so far.
         used: seconds of the deadline that were used before the call.
         keep: called with contacts, before their motion is made: what is left of the query should its process be killed.
@@ -80,6 +81,7 @@ class PlanOptions:
     deadline: float = 30.0
     improve: float = 1.0
     expansions: int | None = None
+    library: str = ""
     stop: Callable[[], bool] | None = None
     used: float = 0.0
     keep: Callable[[Plan, dict[str, object]], None] | None = None

@@ -43,7 +43,7 @@ def test_a_sequence_passes_what_the_search_asks_of_its_own(formulation: str) -> 
     assert plan is not None, planner.why_not()
     for k, (before, after) in enumerate(itertools.pairwise(plan.stances)):
         assert changed_effector(before, after) == plan.states[k + 1][4]
-    assert planner.why_it_fails(plan.stances) == []
+    assert planner.sequences.why_it_fails(plan.stances) == []
     judge = SearchPlanner(QueryContext(floor_scene(Goal((0.5, 0, 0), 0.2)), ESCHER, IK))
     numbers = {c: judge.domain.pool.add_contact(c) for s in plan.stances for c in s.held}
     states = [tuple(-1 if c is None else numbers[c] for c in s.contacts) for s in plan.stances]

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
+from drakeplan.experience.key_motion import PER_PHASE, key_motion
 from drakeplan.experience.strip_setup import (
     Sampling,
     choose_region,
     contact_choices,
+    goal_gathering,
     make_problem,
-    stands_alone,
+    start_gathering,
 )
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import write_plan
@@ -33,7 +35,7 @@ from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import terrain_from
 
-SAMPLING = Sampling(per_phase=3, furthest=0.35, turn=0.06)
+SAMPLING = Sampling(furthest=0.35, turn=0.06)
 
 
 def scene_of(plan: Plan) -> Scene:
@@ -119,9 +121,11 @@ def test_at_phase_boundaries_everything_is_in_place_and_what_is_shared_carries(s
     contacts = tuple(stepping_plan.contact(c) for c in range(len(stepping_plan.contacts)))
     packed, robot = pack_terrain(scene.terrain), load_robot("escher")
     chosen = [choose_region(c, contact_choices(c, robot, packed, SAMPLING, None), packed, {}) for c in contacts]
-    problem = make_problem(stepping_plan, scene, contacts, chosen, SAMPLING)
+    motion = key_motion(stepping_plan)
+    gatherings = (*start_gathering(motion, scene), *goal_gathering(motion, scene.goal))
+    problem = make_problem(motion, chosen, gatherings)
     table = stepping_plan.phases.contact
-    assert (np.bincount(problem.phase) <= SAMPLING.per_phase + 1).all()
+    assert (np.bincount(problem.phase) <= PER_PHASE + 1).all()
     for n, p in enumerate(problem.phase):
         carried = problem.support[n][problem.support[n] >= 0]
         assert set(carried) <= set(problem.held[n]) & set(table[p])
@@ -137,7 +141,7 @@ def test_at_phase_boundaries_everything_is_in_place_and_what_is_shared_carries(s
 
 
 def test_a_foot_that_swings_leaves_the_other_alone_with_the_weight_unless_a_palm_helps(stepping_plan: Plan) -> None:
-    alone = stands_alone(stepping_plan)
+    alone = key_motion(stepping_plan).carries_alone()
     for c, is_alone in enumerate(alone):
         phases = [set(row) - {-1} for row in stepping_plan.phases.contact]
         assert is_alone == ({c} in phases)

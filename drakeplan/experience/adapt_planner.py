@@ -1,0 +1,260 @@
+"""Contact sequences from a library: stored plans laid on the terrain, fitted to it and checked (Lin 2020 ch. IV, sec. 5.8).
+
+    rank plans by their distance from the terrain -> fit one -> check its transitions -> a sequence, or the next plan
+
+A plan is fitted in one of two ways. First every contact goes to the nearest point of its region and the sequence is judged by
+the search's own checks: milliseconds. Plans for which that fails get the documented elastic strip afterwards, which moves
+contacts and postures together: about a second each. Where no plan leads as far as the goal, one that leads towards it is
+fitted, and the library is asked again from where it ends (sec. 5.8.2).
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
+from drakeplan.contact_planning.planner import ContactPlanner
+from drakeplan.contact_planning.sequence_check import SequenceCheck
+from drakeplan.context import QueryContext
+from drakeplan.experience.fit import Fit
+from drakeplan.experience.library import Library
+from drakeplan.experience.retrieval import Candidate, candidates, region_table, usable_modes
+from drakeplan.experience.shipped import library_folder
+from drakeplan.experience.strip_setup import Sampling, goal_gathering
+from drakeplan.search.ana_star import Limits
+from optimization.elastic_strip.problem import StripOptions
+from scenes.stance import Stance
+
+FARTHEST = 0.5  # [m] distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact
+TURN = 0.06  # [rad] that a foot may turn about its normal
+REPAIRS = {"projection": 12, "strip": 4}  # times that contacts of one plan are sent elsewhere
+ROUND = 24  # plans that are projected before the strip is tried on the same ones
+STRIP_SECONDS = 3.0  # [s] of one strip
+MOST_PARTS = 6  # plans in a row
+PARTS_TRIED = 6  # plans tried for each part of a way that no plan covers alone
+
+
+class AdaptPlanner:
+    """Retrieves and adapts; see `drakeplan.contact_planning.planner.ContactPlanner`.
+
+    Attributes:
+        context: of the query.
+        setup_s: seconds to open the library, to find contact regions and to rank plans.
+        retrieved: the name of the plan that the last sequence came from, its distance from the terrain [m] and how it was
+            fitted; one entry for each plan in a row.
+    """
+
+    def __init__(
+        self,
+        context: QueryContext,
+        options: PlannerOptions,
+        *,
+        ways: Sequence[str] = tuple(REPAIRS),
+        balanced: bool = True,
+    ) -> None:
+        """Opens the library.
+
+        Args:
+            context: of the query.
+            options: what is asked of any planner; its library.
+            ways: how plans are fitted, in this order: "projection", "strip".
+            balanced: whether the strip is asked for balance (sec. 4.5.3), or its contacts are judged afterwards alone
+                (sec. 5.8.2).
+
+        Raises:
+            InputError: no library, or one of another robot; start or goal missing or off the terrain.
+        """
+        began = time.perf_counter()
+        self.context, self._options = context, options
+        self._ways_to_fit, self._balanced = tuple(ways), balanced
+        self._goal = np.array(context.goal.xyz)
+        self._library = Library(library_folder(context.robot, options.library), context.robot)
+        modes = usable_modes(context, options.use_palms)
+        self._entries = [entry for mode in modes for entry in self._library.entries(mode)]
+        self.notes = list(self._library.notes)
+        self._check = SequenceCheck(context)
+        self._refused: list[int] = []
+        self._failures: Counter[str] = Counter()
+        self._tried = self._attempts = 0
+        self._ended_by, self._until = "", np.inf
+        self._limits, self._clock = Limits(), time.perf_counter
+        self._sequences = self._ways((context.start,), ())
+        self.retrieved: tuple[tuple[str, float, str], ...] = ()
+        self.setup_s = time.perf_counter() - began
+
+    def start_problem(self) -> str:
+        """Why the robot cannot stand at the start, "" if it can."""
+        return self._check.start_problem(self.context.start)
+
+    def plans(self, limits: Limits, clock: Callable[[], float] = time.perf_counter) -> Iterator[ContactPlan]:
+        """Yields one sequence whose transitions all pass the check, if there is one in time; a later call resumes.
+
+        Args:
+            limits: deadline [s], number of attempts and cancellation, after which it ends.
+            clock: gives the time [s]; durations alone matter.
+        """
+        began = clock()
+        self._limits, self._clock, self._attempts = limits, clock, 0
+        self._until = np.inf if limits.deadline is None else began + limits.deadline
+        found = next(self._sequences, None)
+        if found is None:
+            self._ended_by = self._over() or "exhausted"
+            return
+        self._ended_by = "exhausted"
+        elapsed = self.setup_s + clock() - began
+        yield ContactPlan(found, (), self._check.cost(found), None, self._attempts, elapsed)
+
+    def forbid(self, plan: ContactPlan, transition: int) -> None:
+        """Sends the contacts of a transition that failed a later, stricter check elsewhere.
+
+        Args:
+            plan: the last one that this planner gave.
+            transition: k, from stance k to stance k + 1.
+        """
+        self._refused.append(transition)
+
+    def ask_for_swings(self, swing_is_clear: Callable[[Stance, Stance], bool]) -> None:
+        """From now on refuses every transition whose foot or palm finds no way past the terrain.
+
+        Args:
+            swing_is_clear: whether what moves from one stance to the next finds one.
+        """
+        self._check.check.swing_is_clear = swing_is_clear
+
+    def require_static_balance(self, required: bool) -> bool:
+        """Changes nothing: every transition passes its critical configurations at rest already.
+
+        Args:
+            required: whether it must.
+        """
+        return False
+
+    def counts(self) -> PlannerCounts:
+        """What the last run of `plans` did."""
+        return PlannerCounts(self._attempts, self._ended_by)
+
+    def why_not(self) -> str:
+        """Why there is no plan, in one line."""
+        if not self._entries:
+            return f"the library {self._library.path} holds no plan of a motion mode that this query can use"
+        why = ", ".join(f"{name} {count}" for name, count in self._failures.most_common())
+        over = {"deadline": "deadline", "cancelled": "cancelled", "expansions": "budget spent"}.get(self._ended_by)
+        said = f"{over} after {self._tried}" if over else f"no stored plan fits: {self._tried}"
+        return f"{said} of {len(self._entries)} plans tried{f', refused by: {why}' if why else ''}"
+
+    # Sequences -------------------------------------------------------------------------------------------------------
+
+    def _ways(
+        self, before: tuple[Stance, ...], parts: tuple[tuple[str, float, str], ...]
+    ) -> Iterator[tuple[Stance, ...] | None]:
+        """Whole sequences that begin with these stances; None whenever the time is over."""
+        if len(parts) >= MOST_PARTS:
+            return
+        feet = np.array([c.p_WC for c in before[-1].contacts[:2] if c is not None])
+        regions = region_table(self.context, feet, self._goal, self._options.use_palms)
+        found = candidates(self._entries, regions, feet, self._goal, self.context.goal.radius)
+        if parts:
+            found = itertools.islice(found, PARTS_TRIED)
+        for candidate, way in _in_rounds(found, self._ways_to_fit):
+            part = (candidate.entry.name, candidate.distance, way)
+            for stances in self._adapted(candidate, way, before):
+                if stances is None:
+                    yield None
+                elif candidate.reaches:
+                    self.retrieved = (*parts, part)
+                    yield stances
+                else:
+                    yield from self._ways(stances, (*parts, part))
+
+    def _adapted(
+        self, candidate: Candidate, way: str, before: tuple[Stance, ...]
+    ) -> Iterator[tuple[Stance, ...] | None]:
+        """Sequences that one stored plan gives in turn, after these stances; None whenever the time is over."""
+        while self._over():
+            yield None
+        self._tried += way == self._ways_to_fit[0]
+        fit = self._fit(candidate, before[-1])
+        if fit.problem:
+            self._failures["no region"] += 1
+            return
+        offset = len(before) - 1
+        for _ in range(1 + REPAIRS[way]):
+            while self._over():
+                yield None
+            self._attempts += 1
+            stances = self._place(fit, way)
+            if stances is None:
+                if not (fit.leave_gatherings() if way == "projection" else fit.leave_broken_places()):
+                    return
+                continue
+            failed = self._check.why_it_fails(stances)
+            self._failures.update({reason for _, reason in failed})
+            bad = [k for k, _ in failed]
+            if not bad:
+                self._refused = []
+                yield (*before, *stances[1:])
+                bad = [k - offset for k in self._refused if offset <= k < offset + len(stances) - 1]
+                self._failures.update(["motion"] * bool(bad))
+            if not bad or not fit.leave_transitions(bad):
+                return
+
+    def _fit(self, candidate: Candidate, start: Stance) -> Fit:
+        """The plan where it was laid, its first contacts where the robot stands."""
+        motion = self._library.plan(candidate.entry.name).key_motion()
+        motion = motion.until(candidate.end).placed(candidate.X_WL)
+        fixed = {int(c): start.contacts[e] for e, c in enumerate(motion.stances[0]) if c >= 0}
+        return Fit(
+            motion,
+            self.context,
+            Sampling(FARTHEST, TURN),
+            StripOptions(turn=TURN),
+            gatherings=goal_gathering(motion, self.context.goal) if candidate.reaches else (),
+            fixed={c: contact for c, contact in fixed.items() if contact is not None},
+            balanced=self._balanced,
+        )
+
+    def _place(self, fit: Fit, way: str) -> list[Stance] | None:
+        """The contacts in their places, None where they find none together."""
+        if way == "projection":
+            stances = fit.project()
+            self._failures.update(["goal"] * (stances is None))
+            return stances
+        strip = fit.solve(min(STRIP_SECONDS, max(self._until - self._clock(), 0.1)))
+        if strip.feasible:
+            return fit.stances()
+        self._failures[f"strip: {strip.faults[0].task}"] += 1
+        return None
+
+    def _over(self) -> str:
+        """Which limit has fired, "" if none."""
+        if self._limits.stop is not None and self._limits.stop():
+            return "cancelled"
+        if self._clock() >= self._until:
+            return "deadline"
+        if self._limits.expansions is not None and self._attempts >= self._limits.expansions:
+            return "expansions"
+        return ""
+
+
+def _in_rounds(found: Iterator[Candidate], ways: Sequence[str]) -> Iterator[tuple[Candidate, str]]:
+    """Some plans in one way, the same in the next, then the next plans."""
+    while True:
+        some = list(itertools.islice(found, ROUND))
+        if not some:
+            return
+        yield from ((candidate, way) for way in ways for candidate in some)
+
+
+def build(context: QueryContext, options: PlannerOptions) -> ContactPlanner:
+    """The planner "adapt" of `drakeplan.contact_planning.planner.PLANNERS`.
+
+    Args:
+        context: of the query.
+        options: what is asked of it.
+    """
+    return AdaptPlanner(context, options)

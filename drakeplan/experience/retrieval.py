@@ -1,0 +1,134 @@
+"""Which stored plans fit a terrain: clusters by their representatives, then the plans of a cluster (Lin 2020 algorithm 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drakeplan.context import QueryContext
+from drakeplan.experience.alignment import Alignment, RegionTable, align
+from drakeplan.experience.library import Entry, clusters
+from drakeplan.experience.plan_distance import PlanBatch
+from drakeplan.experience.stored_plan import MODES, Outline, plan_pose
+from scenes.footholds.contact_regions import ContactRegions, cover_terrain
+
+TURN = 0.06  # [rad] that feet may be turned to either side of the way ahead where regions are found
+FINEST = 0.02  # [m] of the cover that plans are ranked by
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A stored plan laid on the terrain.
+
+    Attributes:
+        entry: of the library.
+        end: stance at which it is cut.
+        reaches: whether it leads into the goal; else it leads towards it.
+        X_WL: (4, 4) pose of the plan's frame in W.
+        distance: from the terrain, Xi of Lin 2020 eq. 4.8 [m].
+        worst: greatest distance of a contact from the terrain [m].
+    """
+
+    entry: Entry
+    end: int
+    reaches: bool
+    X_WL: np.ndarray
+    distance: float
+    worst: float
+
+
+def usable_modes(context: QueryContext, use_palms: bool) -> tuple[str, ...]:
+    """The motion modes whose palms all find a surface.
+
+    Args:
+        context: of the query.
+        use_palms: whether palms may be used at all.
+    """
+    usable = set(context.usable_palms) if use_palms else set()
+    needs: dict[str, set[int]] = {"feet": set(), "left_palm": {2}, "right_palm": {3}, "all": {2, 3}}
+    return tuple(mode for mode in MODES if needs[mode] <= usable)
+
+
+def region_table(context: QueryContext, feet: np.ndarray, goal: np.ndarray, use_palms: bool) -> RegionTable:
+    """Where contacts may be on the terrain of a query, with feet turned towards the goal (Lin 2020 sec. 4.5.1).
+
+    Args:
+        context: of the query.
+        feet: (2, 3) where they stand [m].
+        goal: (3,) [m].
+        use_palms: whether palms are asked for.
+    """
+    ahead = goal - feet.mean(axis=0)
+    heading = float(np.arctan2(ahead[1], ahead[0]))
+    chosen = (0, 1, *(context.usable_palms if use_palms else ()))
+    found: dict[int, ContactRegions] = {}
+    for e in chosen:
+        spec = context.robot.effectors[e]
+        found[e] = cover_terrain(context.packed, spec, heading=heading, turn=TURN if e < 2 else 0.0, finest=FINEST)
+    return RegionTable.of(found)
+
+
+def candidates(
+    entries: Sequence[Entry], regions: RegionTable, feet: np.ndarray, goal: np.ndarray, radius: float
+) -> Iterator[Candidate]:
+    """Plans that lead from the feet into the goal, in the order in which they are to be tried.
+
+    Where none leads that far, those that lead towards it, whole.
+
+    Args:
+        entries: of the library, of the modes that may be used.
+        regions: of the terrain.
+        feet: (2, 3) where they stand [m].
+        goal: (3,) [m].
+        radius: of the goal [m].
+    """
+    far = float(np.hypot(*(goal - feet.mean(axis=0))[:2]))
+    ends = np.array([_end(entry.outline, far, radius) for entry in entries], dtype=np.int64)
+    reaches = bool((ends >= 0).any())
+    if not reaches:
+        ends = np.array([_whole(entry.outline, far, radius) for entry in entries], dtype=np.int64)
+    groups = [[k for k in group if ends[k] >= 0] for group in _clusters_of_modes(entries)]
+    groups = [group for group in groups if group]
+    first = [group[0] for group in groups]  # the representative, or whoever comes first of those that lead far enough
+    ranked = _lay([entries[k] for k in first], ends[first], regions, feet, goal, radius)
+    for g in np.argsort(ranked.mean, kind="stable"):
+        if not np.isfinite(ranked.mean[g]):
+            return
+        group = groups[g]
+        laid = _lay([entries[k] for k in group], ends[group], regions, feet, goal, radius)
+        for i in np.argsort(laid.mean, kind="stable"):
+            if np.isfinite(laid.mean[i]):
+                pose, k = laid.pose[i], group[i]
+                X_WL = plan_pose(pose[:3], float(pose[3]))
+                yield Candidate(entries[k], int(ends[k]), reaches, X_WL, float(laid.mean[i]), float(laid.worst[i]))
+
+
+def _clusters_of_modes(entries: Sequence[Entry]) -> list[list[int]]:
+    """The members of every cluster of every mode, representatives first, by index into `entries`."""
+    groups = []
+    for mode in MODES:
+        own = [k for k, entry in enumerate(entries) if entry.mode == mode]
+        groups += [[own[i] for i in group] for group in clusters([entries[k] for k in own])]
+    return groups
+
+
+def _lay(
+    entries: Sequence[Entry], ends: np.ndarray, regions: RegionTable, feet: np.ndarray, goal: np.ndarray, radius: float
+) -> Alignment:
+    return align(PlanBatch.of([e.outline for e in entries]), ends, regions, feet, goal, radius)
+
+
+def _end(outline: Outline, far: float, radius: float) -> int:
+    """The stance whose feet come nearest to the goal's distance; -1 where none is within its radius (sec. 5.8.2)."""
+    ends = outline.ends()
+    off = np.abs(outline.distance[ends] - far)
+    best = int(np.argmin(off))
+    return int(ends[best]) if off[best] <= radius and ends[best] > 0 else -1
+
+
+def _whole(outline: Outline, far: float, radius: float) -> int:
+    """The last stance that leads ahead, where the plan is too short to reach the goal; -1 where it is too long."""
+    end = int(outline.ends()[-1])
+    return end if end > 0 and outline.distance[end] < far - radius else -1
