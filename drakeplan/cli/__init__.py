@@ -24,6 +24,7 @@ COMMANDS = {
     "simulate": "play a plan in physics, and say whether the robot arrives",
     "scenes": "list, show and export terrains",
     "robots": "list robots, or print the model file of one",
+    "library": "build a library of plans that are adapted to new terrain, or look into one",
     "collect": "gather training data for surrogates, on this machine or a cluster",
     "train": "train surrogates on gathered data",
     "warm-up": "compile all kernels once, for example into an image",

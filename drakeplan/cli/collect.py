@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -12,11 +12,8 @@ from drakeplan.cli.arguments import Packages
 from scenes.input_error import InputError, unknown_name
 
 if TYPE_CHECKING:
-    from tqdm.auto import tqdm
-
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
-    from drakeplan.campaigns.engine import CampaignProgress
     from drakeplan.campaigns.workers import Workers
 
 CAMPAIGNS = {"dynamics": "what the centroidal program says of contact transitions, in random tilted environments"}
@@ -70,10 +67,11 @@ def run(arguments: Arguments) -> int:
     """Collects, with a progress bar, and says what came out."""
     _check(arguments)
     from drakeplan.campaigns.engine import CollectOptions, collect
+    from drakeplan.cli.campaign_bar import CampaignBar
 
     campaign = _campaign(arguments)
     options = CollectOptions(arguments.count, arguments.seed)
-    bar = _Bar(arguments.count)
+    bar = CampaignBar(arguments.count, "labels")
     try:
         workers = _workers(campaign, arguments)
         try:
@@ -122,33 +120,6 @@ def _workers(campaign: DynamicsCampaign, arguments: Arguments) -> Workers:
     from drakeplan.campaigns.workers import LocalWorkers
 
     return LocalWorkers(campaign, arguments.workers, task_timeout=arguments.task_timeout)
-
-
-class _Bar:
-    """A progress bar on standard error; it appears with the first progress, so that a mistake stands on a line alone."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._bar: tqdm[NoReturn] | None = None
-        self._began_at: int | None = None
-
-    def __call__(self, progress: CampaignProgress) -> None:
-        if self._bar is None:
-            from tqdm.auto import tqdm
-
-            self._bar = tqdm(total=self._count, unit="env", file=sys.stderr, dynamic_ncols=True, smoothing=0.0)
-        if progress.message:
-            self._bar.write(progress.message, file=sys.stderr)
-        if self._began_at is None:  # what earlier sessions did says nothing about the rate
-            self._began_at = self._bar.initial = self._bar.n = progress.tasks
-        self._bar.set_postfix_str(
-            f"{progress.rows} labels, {progress.rate:.1f}/s, {progress.failed} failed", refresh=False
-        )
-        self._bar.update(progress.tasks - self._bar.n)
-
-    def close(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
 
 
 def _report(card: Card, arguments: Arguments) -> None:

@@ -53,10 +53,12 @@ class PlannerWeights:
     Attributes:
         step: w_s, cost of one transition [m].
         turn: w_theta [m/rad].
+        unheld: added for each palm that a foot moves without and should not (`PlannerOptions.lean_on`) [m]; ours.
     """
 
     step: float = 3.0
     turn: float = 0.3
+    unheld: float = 3.0
 
 
 class ContactDomain:
@@ -107,7 +109,9 @@ class ContactDomain:
         self._longer = options.longer and [options.longer.mirrored(True)[0], options.longer.mirrored(False)[0]]
         self._heuristic_name = options.heuristic
         usable = np.flatnonzero(packed.allowed.any(axis=0)).tolist()
-        self._palms = tuple(e - 2 for e in robot.palms if e in usable) if options.use_palms else ()
+        palms = [e for e in options.lean_on or robot.palms if e in robot.palms and e in usable]
+        self._palms = tuple(e - 2 for e in palms) if options.use_palms else ()
+        self._lean_on = options.lean_on if options.use_palms else ()
         self._quasi_static = options.dynamics == "quasi-static"
         self._foot_moves: dict[tuple[int, int], np.ndarray] = {}
         self._palm_moves: dict[tuple[int, int, int], np.ndarray] = {}
@@ -265,7 +269,8 @@ class ContactDomain:
         self.rejections["reach"] += int((~keep).sum())
         numbers, travel, yaw = numbers[keep], travel[keep], yaw[keep]
         before = _mean_yaw(self.pool.yaw[old], self.pool.yaw[stand])
-        costs.append(travel + self.weights.turn * np.abs(_wrap(yaw - before)) + self.weights.step)
+        unheld = self.weights.unheld * sum(state[e] < 0 for e in self._lean_on)
+        costs.append(travel + self.weights.turn * np.abs(_wrap(yaw - before)) + self.weights.step + unheld)
         lp, rp = state[2], state[3]
         if mover == 0:
             states.extend((n, stand, lp, rp, 0) for n in numbers.tolist())

@@ -27,6 +27,8 @@ class PlannerOptions:
     Attributes:
         seed: of every random choice.
         use_palms: whether palms may be used at all.
+        lean_on: the only palms to use, indices into `EFFECTORS`; without them a foot's step costs more, with quasi-static
+            dynamics. None of them: all palms, where they serve.
         heuristic: "grid" (Lin 2020 eq. 6.7), "euclidean" (Lin 2020 eq. 3.3) or "admissible" (gives a bound).
         dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
             centroidal program ("exact"), or for the networks that learned it ("learned").
@@ -40,6 +42,7 @@ class PlannerOptions:
 
     seed: int = 0
     use_palms: bool = True
+    lean_on: tuple[int, ...] = ()
     heuristic: HeuristicName = "grid"
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)

@@ -127,16 +127,7 @@ class Library:
                 (path / PLANS).mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise InputError(f"{path}: cannot be made a folder ({error.strerror or error})") from None
-            about = {
-                "format": FORMAT,
-                "version": VERSION,
-                "robot": robot.name,
-                "robot_model_sha256": robot.model_sha256,
-                "d_min": NEAREST,
-                "d_max": FARTHEST,
-                "facts": facts or {},
-            }
-            write_whole(path / MANIFEST, (json.dumps(about, indent=2) + "\n").encode())
+            _write_manifest(path, robot.name, robot.model_sha256, facts or {})
         return Library(path, robot)
 
     def __len__(self) -> int:
@@ -194,6 +185,15 @@ class Library:
         if not addition.added and not there:  # another process was faster
             file.unlink(missing_ok=True)
         return addition
+
+    def note(self, facts: dict[str, object]) -> None:
+        """Writes in the manifest how the plans were made.
+
+        Args:
+            facts: must fit JSON.
+        """
+        self.facts = {**self.facts, **facts}
+        _write_manifest(self.path, self.robot, self.robot_model_sha256, self.facts)
 
     # Index -----------------------------------------------------------------------------------------------------------
 
@@ -290,6 +290,19 @@ class Library:
             raise InputError(f"{file}: expected the description of a library ({error})") from None
         if found != (FORMAT, VERSION):
             raise InputError(f"{file}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}")
+
+
+def _write_manifest(path: Path, robot: str, robot_model_sha256: str, facts: dict[str, object]) -> None:
+    about = {
+        "format": FORMAT,
+        "version": VERSION,
+        "robot": robot,
+        "robot_model_sha256": robot_model_sha256,
+        "d_min": NEAREST,
+        "d_max": FARTHEST,
+        "facts": facts,
+    }
+    write_whole(path / MANIFEST, (json.dumps(about, indent=2) + "\n").encode())
 
 
 def _cluster_of(entries: list[Entry], away: np.ndarray, d_max: float) -> tuple[int, list[int]]:

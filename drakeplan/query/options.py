@@ -47,6 +47,7 @@ class PlanOptions:
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         use_palms: whether palms may be used.
+        lean_on: see `PlannerOptions.lean_on`.
         full_soles: whether all of every sole has to rest on something; else a part of it may.
         reserve: what is left unused of friction and supports; where no plan keeps it, one without it is looked for.
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
@@ -75,6 +76,7 @@ class PlanOptions:
     heuristic: HeuristicName = "grid"
     transition_model: str | None = None
     use_palms: bool = True
+    lean_on: tuple[int, ...] = ()
     full_soles: bool = False
     reserve: Reserve = USUAL
     footholds: FootholdsName = "snapped"

@@ -305,6 +305,7 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
     return PlannerOptions(
         seed=options.seed,
         use_palms=options.use_palms,
+        lean_on=options.lean_on,
         heuristic=options.heuristic,
         dynamics=dynamics,
         timing=options.timing,

@@ -25,17 +25,35 @@ WALL_DISTANCE, PALM_HEIGHT = 0.75, (1.1, 1.6)  # [m]
 def named(seed: int = 0) -> Scene:
     """2 to 4 m of tilted quadrilaterals that cover and cut each other, between two such walls (Lin 2020 sec. 4.6.1)."""
     rng = np.random.default_rng(seed)
-    length = float(rng.uniform(*LENGTH))
+    return crossing(rng, float(rng.uniform(*LENGTH)))
+
+
+def crossing(
+    rng: np.random.Generator,
+    length: float,
+    *,
+    density: float = GROUND_DENSITY,
+    slope: float = 0.0,
+    walls: tuple[str, ...] = ("right", "left"),
+) -> Scene:
+    """A draw of this family.
+
+    Args:
+        rng: source of the draws.
+        length: of the rubble between the platforms [m].
+        density: quadrilaterals per square metre of ground.
+        slope: how much the ground rises per metre, as stairs do.
+        walls: which there are, of "right" and "left".
+    """
     far_edge = NEAR_EDGE + length
     side = (-HALF_WIDTH, HALF_WIDTH)
     surfaces = (
         level_plate("start_platform", (NEAR_EDGE - PLATFORM, NEAR_EDGE), side),
-        *_ground(rng, length),
-        *_wall(rng, "right", -1.0, length),
-        *_wall(rng, "left", 1.0, length),
-        level_plate("goal_platform", (far_edge, far_edge + PLATFORM), side),
+        *_ground(rng, length, density, slope),
+        *(panel for wall in walls for panel in _wall(rng, wall, 1.0 if wall == "left" else -1.0, length, slope)),
+        level_plate("goal_platform", (far_edge, far_edge + PLATFORM), side, z=slope * length),
     )
-    goal = Goal((far_edge + PLATFORM / 2, 0.0, 0.0), GOAL_RADIUS)
+    goal = Goal((far_edge + PLATFORM / 2, 0.0, slope * length), GOAL_RADIUS)
     return Scene("random_surfaces", Terrain(surfaces), START, goal)
 
 
@@ -46,26 +64,30 @@ def _quadrilateral(rng: np.random.Generator) -> np.ndarray:
     return (corners + rng.uniform(-CORNER_SHIFT, CORNER_SHIFT, (4, 2))) * (length, width)
 
 
-def _ground(rng: np.random.Generator, length: float) -> list[Surface]:
+def _ground(rng: np.random.Generator, length: float, density: float, slope: float) -> list[Surface]:
     """Quadrilaterals whose centres are spread evenly over the rubble, turned to any yaw."""
-    count = round(GROUND_DENSITY * 2 * HALF_WIDTH * length)
+    count = round(density * 2 * HALF_WIDTH * length)
     quads = []
     for i in range(count):
         # One stratum of the length each, so that no seed leaves a hole by clustering.
         x = NEAR_EDGE + length * (i + rng.uniform()) / count
-        centre = (x, rng.uniform(-HALF_WIDTH, HALF_WIDTH), rng.uniform(-MAX_RISE, MAX_RISE))
+        centre = (x, rng.uniform(-HALF_WIDTH, HALF_WIDTH), rng.uniform(-MAX_RISE, MAX_RISE) + slope * (x - NEAR_EDGE))
         roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2)
         quads.append(tilted_plate(f"quad_{i}", centre, _quadrilateral(rng), roll, pitch, rng.uniform(-np.pi, np.pi)))
     return quads
 
 
-def _wall(rng: np.random.Generator, side: str, sign: float, length: float) -> list[Surface]:
+def _wall(rng: np.random.Generator, side: str, sign: float, length: float, slope: float) -> list[Surface]:
     """Quadrilaterals turned to the rubble, at heights that palms reach."""
     count = round(WALL_DENSITY * length)
     panels = []
     for i in range(count):
         x = NEAR_EDGE + length * (i + rng.uniform()) / count
-        centre = (x, sign * (WALL_DISTANCE + rng.uniform(-MAX_RISE, MAX_RISE)), rng.uniform(*PALM_HEIGHT))
+        centre = (
+            x,
+            sign * (WALL_DISTANCE + rng.uniform(-MAX_RISE, MAX_RISE)),
+            rng.uniform(*PALM_HEIGHT) + slope * (x - NEAR_EDGE),
+        )
         roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2)
         upright = sign * np.pi / 2 + roll
         panels.append(tilted_plate(f"{side}_panel_{i}", centre, _quadrilateral(rng), upright, pitch))
