@@ -19,6 +19,7 @@ import tyro
 
 from drakeplan.cli import supervisor
 from drakeplan.cli.arguments import Packages
+from drakeplan.cli.plan_library import join_library, open_library
 from drakeplan.cli.plan_summary import summary
 from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
@@ -44,6 +45,7 @@ examples:
   drakeplan plan rubble_field --dynamics quasi-static --html plan.html
   drakeplan plan stairs --planner footsteps
   drakeplan plan stairs --first --out stairs.h5
+  drakeplan plan random_surfaces --seed 3 --planner parallel
 
 Ctrl-C ends it with the best contacts so far (--keep-partial writes them); Ctrl-C again aborts.
 
@@ -114,6 +116,9 @@ class Arguments:
     """time for improvement after the first plan [s]"""
     first: bool = False
     """the first verified plan, not improved"""
+    library: Annotated[str, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = ""
+    """stored plans for --planner adapt and parallel (default: those that come with the robot); a new plan joins DIR where it
+    differs enough"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
     no_palms: bool = False
@@ -154,6 +159,7 @@ def run(arguments: Arguments) -> int:
     scene = _read_scene(arguments)
     robot = load_robot(arguments.robot or scene.robot or DEFAULT_ROBOT, read_packages(arguments.package))
     _require_ends(arguments, scene)
+    open_library(arguments.library, arguments.planner, robot)
     from drakeplan.progress import ProgressPrinter
     from drakeplan.query.planning import plan_scene
 
@@ -176,6 +182,7 @@ def run(arguments: Arguments) -> int:
             file=sys.stderr,
         )
     complete = result.status == "complete"
+    joined = join_library(arguments.library, result)
     report = {
         **result.report,
         "scene": scene.name,
@@ -185,6 +192,7 @@ def run(arguments: Arguments) -> int:
         "total_s": seconds_since_process_start(),
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "files": files,
+        **({"library": joined} if joined else {}),
     }
     if arguments.json:
         from drakeplan.cli.output import print_json
@@ -267,6 +275,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         deadline=arguments.deadline,
         improve=0.0 if arguments.first else arguments.improve,
         expansions=arguments.expansions,
+        library=arguments.library,
         use_palms=not arguments.no_palms,
         full_soles=arguments.full_soles,
         footholds=arguments.footholds,

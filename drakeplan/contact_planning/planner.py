@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from scenes.input_error import unknown_name
 
@@ -85,18 +85,30 @@ class PlannerEntry:
         build: makes one for a query; "module:name" where the module is to be imported when the planner is first used.
         judges_transitions: whether `--dynamics` chooses what each transition must satisfy; others have dynamics of
             their own.
+        kernels: "module:name" of what loads its compiled kernels (robot, inverse kinematics), beside those of every query.
     """
 
     about: str
     build: Callable[[QueryContext, PlannerOptions], ContactPlanner] | str
     judges_transitions: bool = False
+    kernels: str = ""
 
 
 PLANNERS: dict[str, PlannerEntry] = {
     "search": PlannerEntry(
         "search of contacts (ANA*)", "drakeplan.contact_planning.search_planner:build", judges_transitions=True
     ),
-    "adapt": PlannerEntry("a stored plan, adapted to the terrain", "drakeplan.experience.adapt_planner:build"),
+    "adapt": PlannerEntry(
+        "a stored plan adapted to the terrain, then the search where none fits",
+        "drakeplan.experience.adapt_planner:build",
+        kernels="drakeplan.experience.adapt_planner:warm_up",
+    ),
+    "parallel": PlannerEntry(
+        "search and adapt at once, the first verified plan ends the other",
+        "drakeplan.contact_planning.search_planner:build",
+        judges_transitions=True,
+        kernels="drakeplan.experience.adapt_planner:warm_up",
+    ),
     "footsteps": PlannerEntry(
         "mixed-integer program of footsteps", "drakeplan.contact_planning.program_planner:build_footsteps"
     ),
@@ -130,7 +142,10 @@ def make_planner(name: str, context: QueryContext, options: PlannerOptions) -> C
         InputError: no such planner; start or goal missing or off the terrain; no usable weights for learned dynamics.
     """
     build = planner_entry(name).build
-    if isinstance(build, str):
-        module, _, attribute = build.partition(":")
-        build = getattr(import_module(module), attribute)
-    return build(context, options)
+    return (attribute_of(build) if isinstance(build, str) else build)(context, options)
+
+
+def attribute_of(address: str) -> Callable[..., Any]:
+    """What "module:name" means, imported now."""
+    module, _, name = address.partition(":")
+    return getattr(import_module(module), name)

@@ -21,13 +21,19 @@ from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, 
 from drakeplan.contact_planning.planner import ContactPlanner
 from drakeplan.contact_planning.sequence_check import SequenceCheck
 from drakeplan.context import QueryContext
+from drakeplan.experience import strip_setup
+from drakeplan.experience.alignment import RegionTable, align
 from drakeplan.experience.fit import Fit
 from drakeplan.experience.library import Library
+from drakeplan.experience.plan_distance import PlanBatch, distances
 from drakeplan.experience.retrieval import Candidate, candidates, region_table, usable_modes
 from drakeplan.experience.shipped import library_folder
+from drakeplan.experience.stored_plan import Outline
 from drakeplan.experience.strip_setup import Sampling, goal_gathering
 from drakeplan.search.ana_star import Limits
 from optimization.elastic_strip.problem import StripOptions
+from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 FARTHEST = 0.5  # [m] distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact
@@ -248,6 +254,21 @@ def _in_rounds(found: Iterator[Candidate], ways: Sequence[str]) -> Iterator[tupl
         if not some:
             return
         yield from ((candidate, way) for way in ways for candidate in some)
+
+
+def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
+    """Loads the compiled kernels of retrieval and of the elastic strip.
+
+    Args:
+        robot: whose kernels are loaded.
+        ik: its inverse kinematics.
+    """
+    strip_setup.warm_up(robot, ik)
+    point = np.zeros((2, 3))
+    outline = Outline(point, np.eye(4)[[0, 0]], np.array([0, 1]), np.zeros(2, np.int64), np.array([0.0, 1.0]))
+    plans = PlanBatch.of([outline])
+    distances(outline, plans)
+    align(plans, np.array([1]), RegionTable.of({}), point, np.array([1.0, 0.0, 0.0]), 0.2)
 
 
 def build(context: QueryContext, options: PlannerOptions) -> ContactPlanner:

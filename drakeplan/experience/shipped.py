@@ -25,7 +25,7 @@ def library_folder(robot: Robot, chosen: str = "") -> Path:
     folder = SHIPPED / robot.name
     if not folder.is_dir():
         raise InputError(
-            f"no library comes with robot {robot.name!r}: drakeplan library build DIR --robot {robot.name} makes one, "
-            "--library DIR uses it"
+            f"no library comes with robot {robot.name!r}: drakeplan library build --library DIR --robot {robot.name} makes "
+            "one, and plan --library DIR uses it"
         )
     return folder

@@ -53,6 +53,7 @@ class PlanOptions:
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
             Lin 2020.
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
+        search_too: whether the planner "adapt" leaves half of the deadline to the search, where no stored plan fits.
         stop: polled; True ends the query, which then returns the best contacts so far.
         used: seconds of the deadline that were used before the call.
         keep: called with contacts, before their motion is made: what is left of the query should its process be killed.
@@ -84,6 +85,7 @@ class PlanOptions:
     improve: float = 1.0
     expansions: int | None = None
     library: str = ""
+    search_too: bool = True
     stop: Callable[[], bool] | None = None
     used: float = 0.0
     keep: Callable[[Plan, dict[str, object]], None] | None = None

@@ -38,6 +38,7 @@ class QueryRecord:
 
     Attributes:
         began: by the system's clock [s].
+        planner: that was asked last.
         dynamics: what the search asked of transitions; "" for planners with dynamics of their own.
         cost, bound: of the contact sequence that was chosen.
         contacts, stances, palms_used: its size.
@@ -58,6 +59,7 @@ class QueryRecord:
     """
 
     began: float = field(default_factory=time.perf_counter)
+    planner: str = ""
     dynamics: str = ""
     cost: float | None = None
     bound: float | None = None
