@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
 
 from drakeplan.bench.ground_cases import ground_cases
 from drakeplan.bench.kept_rows import KeptRows
-from drakeplan.bench.table import BenchOptions, BenchTable
+from drakeplan.bench.table import BenchOptions, BenchTable, middle_and_high
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.warm_up import warm_up
@@ -86,7 +84,7 @@ def _verdicts(groups: dict[str, list[dict]]) -> BenchTable:
         palms = sum(bool(row["palms_used"]) for row in complete)
         late = sum(row.get("total_s", 0.0) > DEADLINE + LATE for row in found)
         rows.append((name, len(found), status["complete"], status["contacts"], status["none"] + status["refused"], palms,
-                     *_middle_and_high([row["total_s"] for row in complete]), late))  # fmt: skip
+                     *middle_and_high([row["total_s"] for row in complete]), late))  # fmt: skip
         notes += [
             f"{name} seed {seed}: {row['reason']}" for seed, row in enumerate(found) if row["status"] != "complete"
         ]
@@ -118,15 +116,10 @@ def _times(groups: dict[str, list[dict]]) -> BenchTable:
             for row in asked
             if row["status"] == "complete" and not row["repairs"]
         ]
-        rows.append((name, *_middle_and_high(first), *_middle_and_high(each), *shares,
+        rows.append((name, *middle_and_high(first), *middle_and_high(each), *shares,
                      sum(row["repairs"] for row in asked)))  # fmt: skip
     columns = ("scene", "first contacts ms", "p95", "dynamics and motion, ms a stance", "p95", "search %", "dynamics %",
                "motion %", "verification %", "refused motions")  # fmt: skip
     notes = ("ms a stance: of verified plans whose first sequence held; shares: of the time of all queries.",)
     title = "Where the time of whole queries went"
     return BenchTable("scene_times", title, columns, tuple(rows), notes, bench="scenes", most_seeds=MOST_SEEDS)
-
-
-def _middle_and_high(values: Sequence[float]) -> tuple[float, float]:
-    """Median and 95th percentile, NaN without any."""
-    return (float(np.median(values)), float(np.percentile(values, 95))) if values else (np.nan, np.nan)

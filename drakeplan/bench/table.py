@@ -105,6 +105,11 @@ def spread(values: Sequence[float]) -> dict[str, float]:
     return {"median": median, "p5": p5, "p95": p95, "min": finite.min(), "max": finite.max()}
 
 
+def middle_and_high(values: Sequence[float]) -> tuple[float, float]:
+    """Median and 95th percentile, NaN without any."""
+    return (float(np.median(values)), float(np.percentile(values, 95))) if values else (np.nan, np.nan)
+
+
 def machine() -> dict[str, str]:
     """Processor, cores, Python and the versions of what matters."""
     info = {"date": time.strftime("%Y-%m-%d"), "cpu": _cpu(), "cores": str(os.cpu_count())}

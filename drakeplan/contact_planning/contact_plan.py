@@ -17,6 +17,7 @@ from scenes.transition_model import TransitionModel, transition_model
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
+FitName = Literal["quick", "strip", "strip_ends"]
 BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
 
@@ -38,6 +39,9 @@ class PlannerOptions:
         footholds: whether a step or a palm ray that finds no foothold moves to the nearest one ("snapped"), or is lost
             ("fixed", as in Lin 2020).
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
+        fit: how stored plans are fitted to the terrain: by an elastic strip that keeps balance ("strip", Lin 2020 sec. 4.5.3)
+            or whose contacts are checked for it afterwards ("strip_ends", sec. 5.8.2), or contact by contact first and
+            by the balanced strip where that fails ("quick").
     """
 
     seed: int = 0
@@ -50,6 +54,7 @@ class PlannerOptions:
     longer: TransitionModel | None = None
     footholds: FootholdsName = "snapped"
     library: str = ""
+    fit: FitName = "quick"
 
     @property
     def longest_stride(self) -> float:

@@ -55,29 +55,20 @@ class AdaptPlanner:
             fitted; one entry for each plan in a row.
     """
 
-    def __init__(
-        self,
-        context: QueryContext,
-        options: PlannerOptions,
-        *,
-        ways: Sequence[str] = tuple(REPAIRS),
-        balanced: bool = True,
-    ) -> None:
+    def __init__(self, context: QueryContext, options: PlannerOptions) -> None:
         """Opens the library.
 
         Args:
             context: of the query.
-            options: what is asked of any planner; its library.
-            ways: how plans are fitted, in this order: "projection", "strip".
-            balanced: whether the strip is asked for balance (sec. 4.5.3), or its contacts are judged afterwards alone
-                (sec. 5.8.2).
+            options: what is asked of any planner; its library, and how plans are fitted.
 
         Raises:
             InputError: no library, or one of another robot; start or goal missing or off the terrain.
         """
         began = time.perf_counter()
         self.context, self._options = context, options
-        self._ways_to_fit, self._balanced = tuple(ways), balanced
+        self._ways_to_fit = ("projection", "strip") if options.fit == "quick" else ("strip",)
+        self._balanced = options.fit != "strip_ends"
         self._goal = np.array(context.goal.xyz)
         self._library = Library(library_folder(context.robot, options.library), context.robot)
         modes = usable_modes(context, options.use_palms)

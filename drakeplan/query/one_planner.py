@@ -326,6 +326,7 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
         model=transition_model(named or "experiments"),
         longer=None if named or options.footholds == "fixed" else transition_model("long_stride"),
         library=options.library,
+        fit=options.fit,
     )
 
 

@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from drakeplan.contact_planning.contact_plan import DynamicsName, FootholdsName, HeuristicName
+from drakeplan.contact_planning.contact_plan import DynamicsName, FitName, FootholdsName, HeuristicName
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
@@ -53,6 +53,7 @@ class PlanOptions:
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
             Lin 2020.
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
+        fit: see `PlannerOptions.fit`.
         search_too: whether the planner "adapt" leaves half of the deadline to the search, where no stored plan fits.
         stop: polled; True ends the query, which then returns the best contacts so far.
         used: seconds of the deadline that were used before the call.
@@ -85,6 +86,7 @@ class PlanOptions:
     improve: float = 1.0
     expansions: int | None = None
     library: str = ""
+    fit: FitName = "quick"
     search_too: bool = True
     stop: Callable[[], bool] | None = None
     used: float = 0.0
