@@ -13,7 +13,8 @@ from drakeplan.bench.table import BenchTable
 from drakeplan.context import QueryContext
 from drakeplan.experience.library import Entry
 from drakeplan.experience.plan_distance import PlanBatch, distances
-from drakeplan.experience.retrieval import candidates, region_table
+from drakeplan.experience.retrieval import candidates
+from drakeplan.experience.terrain_regions import TURN, TerrainRegions
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.files.scene_source import load_scene
 from scenes.robots.robot import Robot
@@ -35,7 +36,7 @@ def ranking_times(robot: Robot, entries: Sequence[Entry]) -> BenchTable:
     feet = np.array([c.p_WC for c in context.start.contacts[:2] if c is not None])
     goal, radius = np.array(context.goal.xyz), context.goal.radius
     began = time.perf_counter()
-    regions = region_table(context, feet, goal, True)
+    regions = TerrainRegions(context, feet, goal, TURN).table(True)
     cover = time.perf_counter() - began
     rows = []
     for size in SIZES:

@@ -196,7 +196,8 @@ def _match(arguments: Arguments) -> int:
 
     from drakeplan.cli.output import print_json, read_scene_aloud
     from drakeplan.context import QueryContext
-    from drakeplan.experience.retrieval import candidates, region_table, usable_modes
+    from drakeplan.experience.retrieval import candidates, usable_modes
+    from drakeplan.experience.terrain_regions import TURN, TerrainRegions
     from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
     from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
@@ -209,7 +210,7 @@ def _match(arguments: Arguments) -> int:
     feet = np.array([c.p_WC for c in context.start.contacts[:2] if c is not None])
     goal = np.array(context.goal.xyz)
     entries = [entry for mode in usable_modes(context, True) for entry in library.entries(mode)]
-    table = region_table(context, feet, goal, True)
+    table = TerrainRegions(context, feet, goal, TURN).table(True)
     found = list(itertools.islice(candidates(entries, table, feet, goal, context.goal.radius), SHOWN))
     if arguments.json:
         print_json({"scene": arguments.what[0], "folder": str(library.path), "plans": [_facts(c) for c in found]})

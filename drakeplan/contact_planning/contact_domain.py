@@ -186,12 +186,7 @@ class ContactDomain:
     def is_goal(self, state: State) -> bool:
         """Whether the mean of the feet is in the goal region, on the goal's floor."""
         mean = 0.5 * (self.pool.p[state[0]] + self.pool.p[state[1]])
-        if np.hypot(*(mean[:2] - self._goal_xy)) > self.goal.radius or self.goal.height_off(float(mean[2])) > 0:
-            return False
-        if self.goal.yaw is None:
-            return True
-        yaw = _mean_yaw(self.pool.yaw[state[0]], self.pool.yaw[state[1]])
-        return bool(abs(_wrap(yaw - self.goal.yaw)) <= GOAL_YAW_TOLERANCE)
+        return is_at_goal(self.goal, mean, float(_mean_yaw(self.pool.yaw[state[0]], self.pool.yaw[state[1]])))
 
     def confirm(self, parent: State, state: State) -> bool:
         """Checks balance and reach at both critical configurations of the transition (Lin 2020 sec. 3.3).
@@ -402,6 +397,19 @@ class ContactDomain:
         x, y, z = self._shoulder * [1.0, 1.0 if side == 0 else -1.0, 1.0]
         c, s = np.cos(yaw), np.sin(yaw)
         return mean + np.column_stack([c * x - s * y, s * x + c * y, np.full(len(c), z)])
+
+
+def is_at_goal(goal: Goal, mean: np.ndarray, yaw: float) -> bool:
+    """Whether feet with this mean and heading stand in a goal.
+
+    Args:
+        goal: with its floor and perhaps a heading.
+        mean: (3,) of the feet [m].
+        yaw: of the feet [rad].
+    """
+    if np.hypot(mean[0] - goal.xyz[0], mean[1] - goal.xyz[1]) > goal.radius or goal.height_off(float(mean[2])) > 0:
+        return False
+    return goal.yaw is None or bool(abs(_wrap(np.asarray(yaw - goal.yaw))) <= GOAL_YAW_TOLERANCE)
 
 
 def _move(before: State, after: State) -> tuple[int, ...]:

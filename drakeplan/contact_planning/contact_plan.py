@@ -100,6 +100,7 @@ class ContactPlan:
         elapsed: seconds since planning began (terrain packed, grid, search; not loading).
         predicted_com: (n, 3) CoM at each stance as the planner saw it [m]; None without dynamics.
         predicted_effort: sum of the transitions' dynamics objectives as the planner saw them; None without dynamics.
+        origin: stored plans that it was adapted from, in order.
     """
 
     stances: tuple[Stance, ...]
@@ -110,6 +111,7 @@ class ContactPlan:
     elapsed: float
     predicted_com: np.ndarray | None = None
     predicted_effort: float | None = None
+    origin: tuple[str, ...] = ()
 
     @property
     def palms_used(self) -> int:

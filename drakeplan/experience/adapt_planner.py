@@ -14,22 +14,26 @@ import itertools
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from drakeplan.contact_planning.contact_domain import is_at_goal
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
 from drakeplan.contact_planning.planner import ContactPlanner
-from drakeplan.contact_planning.sequence_check import SequenceCheck
+from drakeplan.contact_planning.sequence_check import SequenceCheck, wrap
 from drakeplan.context import QueryContext
 from drakeplan.experience import strip_setup
 from drakeplan.experience.alignment import RegionTable, align
 from drakeplan.experience.fit import Fit
+from drakeplan.experience.key_motion import KeyMotion
 from drakeplan.experience.library import Library
 from drakeplan.experience.plan_distance import PlanBatch, distances
-from drakeplan.experience.retrieval import Candidate, candidates, region_table, usable_modes
+from drakeplan.experience.retrieval import Candidate, candidates, usable_modes
 from drakeplan.experience.shipped import library_folder
 from drakeplan.experience.stored_plan import Outline
 from drakeplan.experience.strip_setup import Sampling, goal_gathering
+from drakeplan.experience.terrain_regions import TURN, TerrainRegions
 from drakeplan.search.ana_star import Limits
 from optimization.elastic_strip.problem import StripOptions
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -37,12 +41,25 @@ from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
 FARTHEST = 0.5  # [m] distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact
-TURN = 0.06  # [rad] that a foot may turn about its normal
 REPAIRS = {"projection": 12, "strip": 4}  # times that contacts of one plan are sent elsewhere
 ROUND = 24  # plans that are projected before the strip is tried on the same ones
 STRIP_SECONDS = 3.0  # [s] of one strip
 MOST_PARTS = 6  # plans in a row
 PARTS_TRIED = 6  # plans tried for each part of a way that no plan covers alone
+
+
+class Part(NamedTuple):
+    """A stored plan that a sequence was made of.
+
+    Attributes:
+        name: of the plan.
+        distance: from the terrain before it was fitted, Xi of Lin 2020 eq. 4.8 [m].
+        way: how it was fitted, "projection" or "strip".
+    """
+
+    name: str
+    distance: float
+    way: str
 
 
 class AdaptPlanner:
@@ -51,8 +68,7 @@ class AdaptPlanner:
     Attributes:
         context: of the query.
         setup_s: seconds to open the library, to find contact regions and to rank plans.
-        retrieved: the name of the plan that the last sequence came from, its distance from the terrain [m] and how it was
-            fitted; one entry for each plan in a row.
+        retrieved: the stored plans that the last sequence was made of, one after the other.
     """
 
     def __init__(self, context: QueryContext, options: PlannerOptions) -> None:
@@ -81,7 +97,7 @@ class AdaptPlanner:
         self._ended_by, self._until = "", np.inf
         self._limits, self._clock = Limits(), time.perf_counter
         self._sequences = self._ways((context.start,), ())
-        self.retrieved: tuple[tuple[str, float, str], ...] = ()
+        self.retrieved: tuple[Part, ...] = ()
         self.setup_s = time.perf_counter() - began
 
     def start_problem(self) -> str:
@@ -104,7 +120,8 @@ class AdaptPlanner:
             return
         self._ended_by = "exhausted"
         elapsed = self.setup_s + clock() - began
-        yield ContactPlan(found, (), self._check.cost(found), None, self._attempts, elapsed)
+        origin = tuple(part.name for part in self.retrieved)
+        yield ContactPlan(found, (), self._check.cost(found), None, self._attempts, elapsed, origin=origin)
 
     def forbid(self, plan: ContactPlan, transition: int) -> None:
         """Sends the contacts of a transition that failed a later, stricter check elsewhere.
@@ -146,20 +163,20 @@ class AdaptPlanner:
 
     # Sequences -------------------------------------------------------------------------------------------------------
 
-    def _ways(
-        self, before: tuple[Stance, ...], parts: tuple[tuple[str, float, str], ...]
-    ) -> Iterator[tuple[Stance, ...] | None]:
+    def _ways(self, before: tuple[Stance, ...], parts: tuple[Part, ...]) -> Iterator[tuple[Stance, ...] | None]:
         """Whole sequences that begin with these stances; None whenever the time is over."""
         if len(parts) >= MOST_PARTS:
             return
         feet = np.array([c.p_WC for c in before[-1].contacts[:2] if c is not None])
-        regions = region_table(self.context, feet, self._goal, self._options.use_palms)
-        found = candidates(self._entries, regions, feet, self._goal, self.context.goal.radius)
+        turns = {"projection": 0.0, "strip": TURN}  # a strip may turn feet, and needs regions where it can
+        terrain = {way: TerrainRegions(self.context, feet, self._goal, turns[way]) for way in self._ways_to_fit}
+        table = terrain[self._ways_to_fit[0]].table(self._options.use_palms)
+        found = candidates(self._entries, table, feet, self._goal, self.context.goal.radius)
         if parts:
             found = itertools.islice(found, PARTS_TRIED)
         for candidate, way in _in_rounds(found, self._ways_to_fit):
-            part = (candidate.entry.name, candidate.distance, way)
-            for stances in self._adapted(candidate, way, before):
+            part = Part(candidate.entry.name, candidate.distance, way)
+            for stances in self._adapted(candidate, way, before, terrain[way]):
                 if stances is None:
                     yield None
                 elif candidate.reaches:
@@ -169,17 +186,22 @@ class AdaptPlanner:
                     yield from self._ways(stances, (*parts, part))
 
     def _adapted(
-        self, candidate: Candidate, way: str, before: tuple[Stance, ...]
+        self, candidate: Candidate, way: str, before: tuple[Stance, ...], terrain: TerrainRegions
     ) -> Iterator[tuple[Stance, ...] | None]:
         """Sequences that one stored plan gives in turn, after these stances; None whenever the time is over."""
         while self._over():
             yield None
         self._tried += way == self._ways_to_fit[0]
-        fit = self._fit(candidate, before[-1])
+        motion = self._library.plan(candidate.entry.name).key_motion()
+        motion = motion.until(candidate.end).placed(candidate.X_WL)
+        before = _without_palms(before, motion.stances[0])
+        if not before:
+            self._failures["palms at its start"] += 1
+            return
+        fit = self._fit(motion, candidate.reaches, before[-1], terrain)
         if fit.problem:
             self._failures["no region"] += 1
             return
-        offset = len(before) - 1
         for _ in range(1 + REPAIRS[way]):
             while self._over():
                 yield None
@@ -189,30 +211,41 @@ class AdaptPlanner:
                 if not (fit.leave_gatherings() if way == "projection" else fit.leave_broken_places()):
                     return
                 continue
-            failed = self._check.why_it_fails(stances)
-            self._failures.update({reason for _, reason in failed})
-            bad = [k for k, _ in failed]
+            bad = self._failed_transitions(stances, candidate.reaches)
             if not bad:
                 self._refused = []
-                yield (*before, *stances[1:])
-                bad = [k - offset for k in self._refused if offset <= k < offset + len(stances) - 1]
+                whole = (*before, *stances[1:])
+                yield whole
+                offset = len(before) - 1
+                bad = [k - offset for k in self._refused if offset <= k < len(whole) - 1]
                 self._failures.update(["motion"] * bool(bad))
             if not bad or not fit.leave_transitions(bad):
                 return
 
-    def _fit(self, candidate: Candidate, start: Stance) -> Fit:
+    def _failed_transitions(self, stances: Sequence[Stance], reaches: bool) -> list[int]:
+        """The transitions that fail the search's check; the last one where its feet are not in the goal."""
+        failed = self._check.why_it_fails(stances)
+        self._failures.update({reason for _, reason in failed})
+        bad = [k for k, _ in failed]
+        feet = [c for c in stances[-1].contacts[:2] if c is not None]
+        yaw = feet[0].heading + 0.5 * wrap(feet[1].heading - feet[0].heading)
+        if reaches and not is_at_goal(self.context.goal, stances[-1].feet_mean(), yaw):
+            self._failures["goal"] += 1
+            bad.append(len(stances) - 2)
+        return sorted(set(bad))
+
+    def _fit(self, motion: KeyMotion, reaches: bool, start: Stance, terrain: TerrainRegions) -> Fit:
         """The plan where it was laid, its first contacts where the robot stands."""
-        motion = self._library.plan(candidate.entry.name).key_motion()
-        motion = motion.until(candidate.end).placed(candidate.X_WL)
         fixed = {int(c): start.contacts[e] for e, c in enumerate(motion.stances[0]) if c >= 0}
         return Fit(
             motion,
             self.context,
             Sampling(FARTHEST, TURN),
             StripOptions(turn=TURN),
-            gatherings=goal_gathering(motion, self.context.goal) if candidate.reaches else (),
+            gatherings=goal_gathering(motion, self.context.goal) if reaches else (),
             fixed={c: contact for c, contact in fixed.items() if contact is not None},
             balanced=self._balanced,
+            terrain=terrain,
         )
 
     def _place(self, fit: Fit, way: str) -> list[Stance] | None:
@@ -238,6 +271,21 @@ class AdaptPlanner:
         return ""
 
 
+def _without_palms(before: tuple[Stance, ...], first: np.ndarray) -> tuple[Stance, ...]:
+    """The stances, and those that follow when palms are let go that a plan does not begin with; none where it begins with more.
+
+    Args:
+        before: stances so far.
+        first: (4,) contacts of the plan's first stance, -1 where free.
+    """
+    for e, contact in enumerate(before[-1].contacts):
+        if contact is None and first[e] >= 0:
+            return ()
+        if contact is not None and first[e] < 0:
+            before = (*before, before[-1].replace(e, None))
+    return before
+
+
 def _in_rounds(found: Iterator[Candidate], ways: Sequence[str]) -> Iterator[tuple[Candidate, str]]:
     """Some plans in one way, the same in the next, then the next plans."""
     while True:
@@ -259,7 +307,7 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     outline = Outline(point, np.eye(4)[[0, 0]], np.array([0, 1]), np.zeros(2, np.int64), np.array([0.0, 1.0]))
     plans = PlanBatch.of([outline])
     distances(outline, plans)
-    align(plans, np.array([1]), RegionTable.of({}), point, np.array([1.0, 0.0, 0.0]), 0.2)
+    align(plans, np.array([1]), RegionTable.of({}), point, np.array([1.0, 0.0]), 0.2)
 
 
 def build(context: QueryContext, options: PlannerOptions) -> ContactPlanner:

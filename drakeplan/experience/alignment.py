@@ -98,13 +98,14 @@ def align(
         end: (M,) stance at which each plan is cut; contacts that appear later do not count.
         regions: of the terrain.
         feet: (2, 3) where the left and the right foot stand [m].
-        goal: (3,) that the mean of the last feet shall come to [m].
+        goal: (2,) that the mean of the last feet shall come to in plan view, or (M, 2) one for each plan [m].
         radius: how near, in plan view [m].
     """
     pose, mean, worst = _align(
         plans.start, plans.position, _normals(plans.quaternion), plans.effector, plans.first,
         np.asarray(end, np.int64), regions.start, regions.centre, regions.normal, regions.radius, regions.widest,
-        np.ascontiguousarray(feet, dtype=np.float64), np.asarray(goal, np.float64), float(radius),
+        np.ascontiguousarray(feet, dtype=np.float64),
+        np.ascontiguousarray(np.broadcast_to(np.asarray(goal, np.float64), (len(plans), 2))), float(radius),
     )  # fmt: skip
     return Alignment(pose, mean, worst)
 
@@ -123,7 +124,7 @@ def _align(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     num = len(start) - 1
     pose, mean, worst = np.zeros((num, 4)), np.full(num, np.inf), np.full(num, np.inf)
-    ahead = goal - (feet[0] + feet[1]) / 2.0
+    here = (feet[0] + feet[1]) / 2.0
     for m in range(num):
         a, b = start[m], start[m + 1]
         used = first[a:b] <= end[m]
@@ -131,13 +132,13 @@ def _align(
         begins = first[a:b][used] == 0
         last = _last_feet(e, first[a:b][used])
         x = np.empty(4)
-        x[:3] = (feet[0] + feet[1]) / 2.0
-        x[3] = np.arctan2(ahead[1], ahead[0])
+        x[:3] = here
+        x[3] = np.arctan2(goal[m, 1] - here[1], goal[m, 0] - here[0])
         near = np.full(len(p), -1, np.int64)
         xi = np.zeros(len(p))
         for _ in range(MAX_STEPS):
             _nearest_regions(x, p, n, e, r_start, r_centre, r_normal, r_radius, r_widest, near, xi)
-            step = _step(x, p, n, e, begins, last, near, r_centre, r_normal, r_radius, feet, goal, radius)
+            step = _step(x, p, n, e, begins, last, near, r_centre, r_normal, r_radius, feet, goal[m], radius)
             x += step
             reach = np.abs(p).max() if len(p) else 0.0
             if np.abs(step[:3]).max() + abs(step[3]) * reach < STILL:
@@ -242,7 +243,7 @@ def _step(
             A[3, 3] += TILT_WEIGHT * TILT_WEIGHT
             g[3] += TILT_WEIGHT * TILT_WEIGHT * off
     arm = (_turned(x, p[last[0]]) + _turned(x, p[last[1]])) / 2.0
-    short = goal - (arm + x[:3])
+    short = goal - (arm + x[:3])[:2]
     away_from_goal = np.hypot(short[0], short[1])
     if away_from_goal > goal_radius:
         pull = np.array([short[0], short[1], 0.0]) * (1.0 - goal_radius / away_from_goal)

@@ -19,7 +19,9 @@ import numpy as np
 
 from drakeplan.context import QueryContext
 from drakeplan.experience.key_motion import KeyMotion
-from drakeplan.experience.strip_setup import Choice, Sampling, choose_region, contact_choices, make_problem
+from drakeplan.experience.strip_setup import Choice, Sampling, contact_choices, make_problem, settle
+from drakeplan.experience.terrain_regions import TerrainRegions
+from optimization.balance.friction import FrictionCone
 from optimization.elastic_strip.problem import CONTACT, Gathering, StripEstimate, StripOptions, StripProblem
 from optimization.elastic_strip.program import ElasticStrip
 from scenes.contact import Contact
@@ -50,6 +52,7 @@ class Fit:
         gatherings: tuple[Gathering, ...] = (),
         fixed: Mapping[int, Contact] | None = None,
         balanced: bool = True,
+        terrain: TerrainRegions | None = None,
     ) -> None:
         """Finds the regions that each contact may go to.
 
@@ -61,16 +64,20 @@ class Fit:
             gatherings: places that groups of contacts must be near.
             fixed: contacts that have to be where they are already, by index.
             balanced: whether the strip is asked for balance.
+            terrain: regions that several fits share; None finds each contact's own, exact for its heading.
         """
         self.motion, self.context, self._sampling = motion, context, sampling
         self._options = replace(options, cone=context.cone)
-        self._gatherings, self._balanced = gatherings, balanced
+        self._gatherings, self._balanced, self._terrain = gatherings, balanced, terrain
         self._fixed = dict(fixed or {})
         self._penalty: list[dict[int, float]] = [{} for _ in motion.contacts]
         self._tried: set[tuple[int, ...]] = set()
         self.strip: StripEstimate | None = None
         self.problem = ""
         self._regions = self._find_regions()
+        pairs = zip(motion.contacts, self._regions, strict=False)
+        self._distance = [regions.distance(contact.X_WC) for contact, regions in pairs]
+        self._settled: dict[tuple[int, int], Choice] = {}
         self._chosen = [] if self.problem else self._choose()
 
     def project(self) -> list[Stance] | None:
@@ -152,7 +159,7 @@ class Fit:
                 found.append(_only(self._fixed[c]))
                 continue
             cone = self.context.cone if alone[c] else None
-            found.append(contact_choices(contact, self.context.robot, self.context.packed, self._sampling, cone))
+            found.append(self._choices(contact, cone))
             if not len(found[c]):
                 what = "no contact region flat enough to stand on alone" if alone[c] else "no contact region"
                 where = f"within {self._sampling.furthest:g} m of where it was"
@@ -161,15 +168,25 @@ class Fit:
         self.regions_s = time.process_time() - began
         return found
 
+    def _choices(self, contact: Contact, cone: FrictionCone | None) -> ContactRegions:
+        if self._terrain is not None:
+            return self._terrain.near(contact, self._sampling.furthest, cone)
+        return contact_choices(contact, self.context.robot, self.context.packed, self._sampling, cone)
+
     def _choose(self) -> list[Choice]:
         """The region of each contact: the nearest, with penalties added for regions that failed before."""
-        places = enumerate(zip(self.motion.contacts, self._regions, self._penalty, strict=True))
-        return [
-            (self._fixed[c], regions)
-            if c in self._fixed
-            else choose_region(contact, regions, self.context.packed, penalty)
-            for c, (contact, regions, penalty) in places
-        ]
+        return [self._settle(c) for c in range(len(self.motion.contacts))]
+
+    def _settle(self, c: int) -> Choice:
+        if c in self._fixed:
+            return self._fixed[c], self._regions[c]
+        regions, distance = self._regions[c], self._distance[c]
+        if self._penalty[c]:
+            distance = distance + np.array([self._penalty[c].get(int(k), 0.0) for k in regions.surface])
+        surface = int(regions.surface[np.argmin(distance)])
+        if (c, surface) not in self._settled:
+            self._settled[c, surface] = settle(self.motion.contacts[c], regions, self.context.packed, surface)
+        return self._settled[c, surface]
 
     def _choose_again(self, blamed: Mapping[int, float]) -> bool:
         """Other regions: the penalties of the contacts at fault grow until the choice changes."""

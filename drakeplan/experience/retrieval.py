@@ -12,10 +12,6 @@ from drakeplan.experience.alignment import Alignment, RegionTable, align
 from drakeplan.experience.library import Entry, clusters
 from drakeplan.experience.plan_distance import PlanBatch
 from drakeplan.experience.stored_plan import MODES, Outline, plan_pose
-from scenes.footholds.contact_regions import ContactRegions, cover_terrain
-
-TURN = 0.06  # [rad] that feet may be turned to either side of the way ahead where regions are found
-FINEST = 0.02  # [m] of the cover that plans are ranked by
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,25 +47,6 @@ def usable_modes(context: QueryContext, use_palms: bool) -> tuple[str, ...]:
     return tuple(mode for mode in MODES if needs[mode] <= usable)
 
 
-def region_table(context: QueryContext, feet: np.ndarray, goal: np.ndarray, use_palms: bool) -> RegionTable:
-    """Where contacts may be on the terrain of a query, with feet turned towards the goal (Lin 2020 sec. 4.5.1).
-
-    Args:
-        context: of the query.
-        feet: (2, 3) where they stand [m].
-        goal: (3,) [m].
-        use_palms: whether palms are asked for.
-    """
-    ahead = goal - feet.mean(axis=0)
-    heading = float(np.arctan2(ahead[1], ahead[0]))
-    chosen = (0, 1, *(context.usable_palms if use_palms else ()))
-    found: dict[int, ContactRegions] = {}
-    for e in chosen:
-        spec = context.robot.effectors[e]
-        found[e] = cover_terrain(context.packed, spec, heading=heading, turn=TURN if e < 2 else 0.0, finest=FINEST)
-    return RegionTable.of(found)
-
-
 def candidates(
     entries: Sequence[Entry], regions: RegionTable, feet: np.ndarray, goal: np.ndarray, radius: float
 ) -> Iterator[Candidate]:
@@ -89,15 +66,16 @@ def candidates(
     reaches = bool((ends >= 0).any())
     if not reaches:
         ends = np.array([_whole(entry.outline, far, radius) for entry in entries], dtype=np.int64)
+    towards = _places_on_the_way(entries, ends, reaches, feet.mean(axis=0)[:2], goal[:2])
     groups = [[k for k in group if ends[k] >= 0] for group in _clusters_of_modes(entries)]
     groups = [group for group in groups if group]
     first = [group[0] for group in groups]  # the representative, or whoever comes first of those that lead far enough
-    ranked = _lay([entries[k] for k in first], ends[first], regions, feet, goal, radius)
+    ranked = _lay([entries[k] for k in first], ends[first], regions, feet, towards[first], radius)
     for g in np.argsort(ranked.mean, kind="stable"):
         if not np.isfinite(ranked.mean[g]):
             return
         group = groups[g]
-        laid = _lay([entries[k] for k in group], ends[group], regions, feet, goal, radius)
+        laid = _lay([entries[k] for k in group], ends[group], regions, feet, towards[group], radius)
         for i in np.argsort(laid.mean, kind="stable"):
             if np.isfinite(laid.mean[i]):
                 pose, k = laid.pose[i], group[i]
@@ -118,6 +96,17 @@ def _lay(
     entries: Sequence[Entry], ends: np.ndarray, regions: RegionTable, feet: np.ndarray, goal: np.ndarray, radius: float
 ) -> Alignment:
     return align(PlanBatch.of([e.outline for e in entries]), ends, regions, feet, goal, radius)
+
+
+def _places_on_the_way(
+    entries: Sequence[Entry], ends: np.ndarray, reaches: bool, here: np.ndarray, goal: np.ndarray
+) -> np.ndarray:
+    """(M, 2) where each plan is to end: the goal, or the point of the straight way that is as far as the plan leads [m]."""
+    if reaches:
+        return np.tile(goal, (len(entries), 1))
+    lengths = np.array([entry.outline.distance[end] for entry, end in zip(entries, ends, strict=True)])
+    ahead = (goal - here) / max(float(np.hypot(*(goal - here))), 1e-9)
+    return here + lengths[:, None] * ahead
 
 
 def _end(outline: Outline, far: float, radius: float) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,32 +84,35 @@ def contact_choices(
     outside = np.maximum(np.maximum(packed.low[around] - contact.p_WC, contact.p_WC - packed.high[around]), 0.0)
     surfaces = [int(k) for k in around[np.linalg.norm(outside, axis=1) <= reach]]
     if cone is not None:
-        surfaces = [k for k in surfaces if _carries_alone(contact, packed, k, cone)]
+        surfaces = [k for k in surfaces if carries_alone_on(contact, packed, k, cone)]
     regions = cover_terrain(
         packed, spec, heading=contact.heading, turn=turn, surfaces=surfaces, around=contact.p_WC, reach=reach
     )
     return regions.where(regions.distance(contact.X_WC) <= sampling.furthest)
 
 
-def _carries_alone(contact: Contact, packed: PackedTerrain, surface: int, cone: FrictionCone) -> bool:
-    """Whether gravity lies in the friction cone there, with some to spare: the contact may turn a little yet."""
+def carries_alone_on(contact: Contact, packed: PackedTerrain, surface: int, cone: FrictionCone) -> bool:
+    """Whether gravity lies in the friction cone there, with some to spare: the contact may turn a little yet.
+
+    Args:
+        contact: with its heading.
+        packed: the terrain.
+        surface: index of the surface.
+        cone: friction cone.
+    """
     R_WC = contact_rotation(contact.effector, packed.normal[surface], contact.heading)
     return frame_stands_alone(cone.code, FRICTION_SHARE * float(packed.friction[surface]), R_WC)
 
 
-def choose_region(
-    contact: Contact, regions: ContactRegions, packed: PackedTerrain, penalty: Mapping[int, float]
-) -> tuple[Contact, ContactRegions]:
-    """The contact projected into its nearest region, and the circles of that surface.
+def settle(contact: Contact, regions: ContactRegions, packed: PackedTerrain, surface: int) -> Choice:
+    """The contact projected into the nearest region of a surface, and all circles of that surface.
 
     Args:
-        contact: of the plan that is deformed.
-        regions: at least one.
+        contact: of the plan that is fitted.
+        regions: some of them on this surface.
         packed: the new terrain.
-        penalty: surface index -> what it adds to the distance, for surfaces that failed before [m].
+        surface: index of the surface.
     """
-    more = np.array([penalty.get(int(s), 0.0) for s in regions.surface])
-    surface = int(regions.surface[np.argmin(regions.distance(contact.X_WC) + more)])
     own = regions.where(regions.surface == surface)
     point = own.project(contact.X_WC, own.nearest(contact.X_WC)[0])[:3, 3]
     X_WC = contact_pose(contact.effector, point, packed.normal[surface], contact.heading)

@@ -157,6 +157,7 @@ class Query:
             self.record.cost, self.record.bound = sequence.cost, sequence.bound
             self.record.contacts, self.record.stances = len(contacts), len(sequence.stances)
             self.record.palms_used = sequence.palms_used
+            self.record.adapted_from = list(sequence.origin)
         return sequence
 
     def _incumbents(self, until: float) -> list[ContactPlan]:
@@ -324,6 +325,8 @@ class Query:
         }
         if self.context.robot.given_by_path:
             facts[ROBOT_FILE] = str(self.context.robot.source)
+        if sequence.origin:
+            facts["adapted_from"] = list(sequence.origin)
         if sequence.predicted_com is not None:
             facts["predicted_com"] = sequence.predicted_com.tolist()
         context = self.context

@@ -42,6 +42,7 @@ class QueryRecord:
         dynamics: what the search asked of transitions; "" for planners with dynamics of their own.
         cost, bound: of the contact sequence that was chosen.
         contacts, stances, palms_used: its size.
+        adapted_from: stored plans that it comes from, by name.
         expansions: of all rounds of search.
         time_to_first_s: seconds of search until the first contact sequence.
         time_to_first_feasible_s: and until one was known to be dynamically feasible, its program included.
@@ -66,6 +67,7 @@ class QueryRecord:
     contacts: int = 0
     stances: int = 0
     palms_used: int = 0
+    adapted_from: list[str] = field(default_factory=list)
     expansions: int = 0
     time_to_first_s: float | None = None
     time_to_first_feasible_s: float | None = None

@@ -12,10 +12,10 @@ from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
 from drakeplan.experience.key_motion import PER_PHASE, key_motion
 from drakeplan.experience.strip_setup import (
     Sampling,
-    choose_region,
     contact_choices,
     goal_gathering,
     make_problem,
+    settle,
     start_gathering,
 )
 from drakeplan.plan.plan import Plan
@@ -120,7 +120,7 @@ def test_at_phase_boundaries_everything_is_in_place_and_what_is_shared_carries(s
     scene = scene_of(stepping_plan)
     contacts = tuple(stepping_plan.contact(c) for c in range(len(stepping_plan.contacts)))
     packed, robot = pack_terrain(scene.terrain), load_robot("escher")
-    chosen = [choose_region(c, contact_choices(c, robot, packed, SAMPLING, None), packed, {}) for c in contacts]
+    chosen = [settle(c, contact_choices(c, robot, packed, SAMPLING, None), packed, c.surface) for c in contacts]
     motion = key_motion(stepping_plan)
     gatherings = (*start_gathering(motion, scene), *goal_gathering(motion, scene.goal))
     problem = make_problem(motion, chosen, gatherings)
@@ -147,14 +147,14 @@ def test_a_foot_that_swings_leaves_the_other_alone_with_the_weight_unless_a_palm
         assert is_alone == ({c} in phases)
 
 
-def test_a_penalty_sends_a_contact_to_the_next_surface() -> None:
+def test_a_contact_settles_on_the_surface_that_is_named() -> None:
     packed = pack_terrain(
         terrain_from([level_plate("low", (-1, 1), (-1, 1)), level_plate("high", (-1, 1), (0.2, 1), z=0.1)])
     )
     contact = Contact("left_foot", 0, contact_pose("left_foot", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0), 0.5)
     regions = contact_choices(contact, load_robot("escher"), packed, SAMPLING, FrictionCone.INNER)
-    near, _ = choose_region(contact, regions, packed, {})
-    far, own = choose_region(contact, regions, packed, {0: 0.3})
+    near, _ = settle(contact, regions, packed, 0)
+    far, own = settle(contact, regions, packed, 1)
     assert (near.surface, far.surface, set(own.surface)) == (0, 1, {1})
     assert far.p_WC[2] == pytest.approx(0.1)
     assert far.p_WC[1] >= 0.25
