@@ -182,8 +182,8 @@ def _nearest_regions(
         low, high = start[e[i]], start[e[i] + 1]
         best, which = np.inf, -1
         if near[i] >= 0:
-            which = near[i]
-            best = _distance(point, up, centre[which], normal[which], radius[which])
+            which = int(near[i])
+            best = _distance(point, up, centre[which], normal[which], float(radius[which]))
         middle = low + np.searchsorted(centre[low:high, 0], point[0])
         k = middle
         while k < high and centre[k, 0] - point[0] - widest[e[i]] < best:

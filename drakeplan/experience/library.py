@@ -153,7 +153,10 @@ class Library:
         rows = self._index.execute(
             f"SELECT number, name, mode, length, cluster, squares, outline FROM plan {where} ORDER BY number", what
         ).fetchall()
-        return [Entry(*row[:6], Outline.from_bytes(row[6])) for row in rows]
+        return [
+            Entry(number, name, kind, length, cluster, squares, Outline.from_bytes(outline))
+            for number, name, kind, length, cluster, squares, outline in rows
+        ]
 
     def plan(self, name: str) -> StoredPlan:
         """The plan of this name.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import dataclasses
 import multiprocessing
@@ -15,9 +16,10 @@ from multiprocessing.process import BaseProcess
 
 from drakeplan.deadline import compile_clock
 from drakeplan.plan.plan import Plan
-from drakeplan.progress import Progress, ProgressEvent
+from drakeplan.progress import Progress
 from drakeplan.query.one_planner import load_kernels, plan_with_one
 from drakeplan.query.options import PlanOptions, check_options
+from drakeplan.query.record import QueryRecord
 from drakeplan.query.result import PlanResult
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
@@ -26,6 +28,7 @@ from scenes.scene import Scene
 
 PLANNERS = ("search", "adapt")  # the search's answer counts where neither has a plan
 RANK = ("none", "contacts", "complete")
+GRACE = 0.45  # [s] that a helper may be late
 TICK = 0.05  # [s] between looks at whether the user wants to stop
 PR_SET_PDEATHSIG = 1  # of Linux' prctl: a child does not outlive its parent
 
@@ -50,7 +53,7 @@ def plan_in_parallel(scene: Scene, robot: Robot, options: PlanOptions, tell: Pro
     used = options.used + time.perf_counter() - began - (compile_clock.seconds() - compiled)
     team = [_Helper(name, scene, robot, dataclasses.replace(options, used=used)) for name in PLANNERS]
     try:
-        answers = _listen(team, options, tell)
+        answers = _listen(team, options, time.perf_counter() + max(options.deadline - used, 0.0) + GRACE, tell)
     finally:
         for helper in team:
             helper.end()
@@ -72,7 +75,7 @@ class _Helper:
 
     def stop(self) -> None:
         """Asks for the best so far."""
-        if not self.pipe.closed:
+        with contextlib.suppress(OSError):  # it has died
             self.pipe.send("stop")
 
     def end(self) -> None:
@@ -93,7 +96,14 @@ def _work(pipe: Connection, planner: str, scene: Scene, robot: Robot, options: P
     def keep(plan: Plan, report: dict[str, object]) -> None:
         pipe.send(("keep", (plan, report)))
 
-    asked = dataclasses.replace(options, planner=planner, stop=pipe.poll, keep=None if options.keep is None else keep)
+    stopped = []
+
+    def stop() -> bool:
+        if pipe.poll():
+            stopped.append(pipe.recv())
+        return bool(stopped)
+
+    asked = dataclasses.replace(options, planner=planner, stop=stop, keep=None if options.keep is None else keep)
     if planner != "search":  # dynamics are the search's affair
         asked = dataclasses.replace(asked, dynamics=None)
     try:
@@ -101,14 +111,19 @@ def _work(pipe: Connection, planner: str, scene: Scene, robot: Robot, options: P
         pipe.send(("result", dataclasses.replace(result, refusal=None)))  # a refusal holds what cannot be sent
     except InputError as error:
         pipe.send(("input", str(error)))
+    with contextlib.suppress(EOFError, OSError):
+        while True:  # the parent ends this process once it has the answer
+            pipe.recv()
 
 
-def _listen(team: Sequence[_Helper], options: PlanOptions, tell: Progress) -> dict[str, PlanResult | InputError]:
-    """Passes on what the helpers tell until one has a verified plan or all have ended; their answers."""
+def _listen(
+    team: Sequence[_Helper], options: PlanOptions, until: float, tell: Progress
+) -> dict[str, PlanResult | InputError]:
+    """Passes on what the helpers tell until one has a verified plan, all have answered or time is over; their answers."""
     answers: dict[str, PlanResult | InputError] = {}
     waiting = {helper.pipe: helper for helper in team}
     stopped = False
-    while waiting:
+    while waiting and time.perf_counter() < until:
         if not stopped and options.stop is not None and options.stop():
             stopped = True
             for helper in waiting.values():
@@ -117,36 +132,41 @@ def _listen(team: Sequence[_Helper], options: PlanOptions, tell: Progress) -> di
             helper = waiting[pipe]  # type: ignore[index]
             try:
                 kind, content = helper.pipe.recv()
-            except EOFError:
+            except (EOFError, OSError):  # it died
                 del waiting[helper.pipe]
                 continue
             if kind == "tell":
                 tell(content)
             elif kind == "keep" and options.keep is not None:
                 options.keep(*content)
-            elif kind == "input":
-                answers[helper.planner] = InputError(content)
-            elif kind == "result":
-                answers[helper.planner] = content
-                if content.status == "complete":
+            elif kind in ("input", "result"):
+                answers[helper.planner] = InputError(content) if kind == "input" else content
+                del waiting[helper.pipe]
+                if kind == "result" and content.status == "complete":
                     return answers
-                tell(ProgressEvent("search", f"{helper.planner}: no verified plan ({content.reason})"))
     return answers
 
 
 def _chosen(answers: dict[str, PlanResult | InputError]) -> PlanResult:
     """The best answer, with a note on who gave none."""
-    results = {name: answers[name] for name in PLANNERS if isinstance(answers.get(name), PlanResult)}
+    results = {name: found for name in PLANNERS if isinstance(found := answers.get(name), PlanResult)}
     if not results:
-        raise answers.get("search") or answers.get("adapt") or RuntimeError("both planning processes died")  # type: ignore[misc]
-    best = max(results, key=lambda name: RANK.index(results[name].status))  # type: ignore[union-attr]
+        for refused in answers.values():
+            if isinstance(refused, InputError):
+                raise refused
+        reason = "neither the search nor an adapted plan came to an answer in time"
+        return PlanResult("none", reason, None, QueryRecord().as_dict("none", reason, None))
+    best = max(results, key=lambda name: RANK.index(results[name].status))
     result, notes = results[best], []
-    assert isinstance(result, PlanResult)
     if result.status == "complete":
         notes.append(f"the plan is that of {best}, which was the first")
     for name in PLANNERS:
         answer = answers.get(name)
         if isinstance(answer, InputError):
             notes.append(f"{name}: {answer}")
+        elif answer is None and result.status != "complete":
+            notes.append(f"{name}: no answer in time")
+        elif answer is not None and name != best and result.status != "complete":
+            notes.append(f"{name}: {answer.reason}")
     every = (*result.notes, *notes)
     return dataclasses.replace(result, notes=every, report={**result.report, "notes": list(every)})
