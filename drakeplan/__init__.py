@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from drakeplan.execution import ExecutionOptions, ExecutionReport, Physics, play_plan
     from drakeplan.execution.played import played_plan
     from drakeplan.experience.deformation import DeformOptions, DeformResult, deform
+    from drakeplan.experience.library import Library
+    from drakeplan.experience.shipped import library_folder
+    from drakeplan.experience.stored_plan import store_plan
     from drakeplan.plan.plan import Plan
     from drakeplan.plan.plan_file import inspect_plan, read_plan, write_plan
     from drakeplan.playback import show_plan, write_page
@@ -43,6 +46,7 @@ __all__ = [
     "ExecutionReport",
     "Goal",
     "InputError",
+    "Library",
     "Physics",
     "Plan",
     "PlanOptions",
@@ -55,6 +59,7 @@ __all__ = [
     "Terrain",
     "deform",
     "inspect_plan",
+    "library_folder",
     "list_scenes",
     "load_robot",
     "load_scene",
@@ -64,6 +69,7 @@ __all__ = [
     "read_plan",
     "robot_names",
     "show_plan",
+    "store_plan",
     "verify",
     "write_page",
     "write_plan",
@@ -73,6 +79,9 @@ _HOMES = {
     "drakeplan.execution": ("ExecutionOptions", "ExecutionReport", "Physics", "play_plan"),
     "drakeplan.execution.played": ("played_plan",),
     "drakeplan.experience.deformation": ("DeformOptions", "DeformResult", "deform"),
+    "drakeplan.experience.library": ("Library",),
+    "drakeplan.experience.shipped": ("library_folder",),
+    "drakeplan.experience.stored_plan": ("store_plan",),
     "drakeplan.plan.plan": ("Plan",),
     "drakeplan.plan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
     "drakeplan.query.options": ("PlanOptions",),

@@ -20,6 +20,7 @@ from scenes.input_error import InputError
 
 Parsed = TypeVar("Parsed")
 Numbers = tuple[float, ...]  # the type of an option that takes several numbers
+Names = tuple[str, ...]  # the type of a last positional that takes all words that are left
 Packages = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=DIR", help_behavior_hint="")
 ]
@@ -89,7 +90,7 @@ def _checked(kind: type, prog: str, tokens: Sequence[str]) -> list[str]:
             raise InputError(f"{prog}: unknown option {token}: {_nearest(token, list(options))}")
         values = _take_values(prog, option, words)
         (last if option.type == Numbers else ordered).extend([option.name, *values])
-    if len(free) > len(places):
+    if len(free) > len(places) and not (places and places[-1].type == Names):
         raise InputError(f"{prog}: unexpected argument {free[len(places)]!r}")
     for place in places[len(free) :]:
         if place.required:

@@ -24,6 +24,7 @@ def summary(report: dict[str, object]) -> str:
         f" cost {number('cost', '.3f')}, bound {number('bound', '.3f')}",
         f"  first contacts {number('time_to_first_s', '.3f')} s, first feasible {number('time_to_first_feasible_s')} s;"
         f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
+        *_origin(report),
         *_judges(report),
         *_torque(report),
         *_simulated(report),
@@ -33,6 +34,14 @@ def summary(report: dict[str, object]) -> str:
     if isinstance(files, dict):
         lines += [f"  {kind:<4}  {path}" for kind, path in files.items()]
     return "\n".join(lines)
+
+
+def _origin(report: dict[str, object]) -> list[str]:
+    """A line with the stored plans that it was adapted from, if any."""
+    names = report.get("adapted_from")
+    if not isinstance(names, list) or not names:
+        return []
+    return [f"  adapted from the stored plan{'s' if len(names) > 1 else ''} {', '.join(map(str, names))}"]
 
 
 def _judges(report: dict[str, object]) -> list[str]:

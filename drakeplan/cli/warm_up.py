@@ -48,15 +48,19 @@ def run(arguments: Arguments) -> int:
         os.environ[KERNELS] = str(folder)
     from drakeplan.cli.output import print_json
     from drakeplan.progress import ProgressPrinter
+    from drakeplan.query.one_planner import load_kernels
     from drakeplan.query.options import PlanOptions
     from drakeplan.query.planning import plan_scene
+    from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
     from scenes.files.scene_source import load_scene
     from scenes.robots.robot import load_robot
 
     began = time.perf_counter()
     with ProgressPrinter(sys.stderr) as progress:
         options = PlanOptions(goal=(0.5, 0.0), improve=0.0, deadline=600.0)
-        plan_scene(load_scene("flat"), load_robot(arguments.robot), options, progress)
+        robot = load_robot(arguments.robot)
+        load_kernels(robot, WholeBodyIK(robot), "parallel", progress)
+        plan_scene(load_scene("flat"), robot, options, progress)
     kept = os.environ.get(KERNELS)
     number = len(list(Path(kept).rglob(COMPILED))) if kept else None
     if arguments.json:
