@@ -13,6 +13,9 @@ from drakeplan.experience.library import Entry, clusters
 from drakeplan.experience.plan_distance import PlanBatch
 from drakeplan.experience.stored_plan import MODES, Outline, plan_pose
 
+# [m] added to the distance for each palm that a plan uses: its motion takes two to five times as long to make
+PALM_COST = 0.03
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -71,7 +74,8 @@ def candidates(
     groups = [group for group in groups if group]
     first = [group[0] for group in groups]  # the representative, or whoever comes first of those that lead far enough
     ranked = _lay([entries[k] for k in first], ends[first], regions, feet, towards[first], radius)
-    for g in np.argsort(ranked.mean, kind="stable"):
+    palms = np.array([_palms(entry) for entry in entries])
+    for g in np.argsort(ranked.mean + PALM_COST * palms[first], kind="stable"):
         if not np.isfinite(ranked.mean[g]):
             return
         group = groups[g]
@@ -81,6 +85,11 @@ def candidates(
                 pose, k = laid.pose[i], group[i]
                 X_WL = plan_pose(pose[:3], float(pose[3]))
                 yield Candidate(entries[k], int(ends[k]), reaches, X_WL, float(laid.mean[i]), float(laid.worst[i]))
+
+
+def _palms(entry: Entry) -> int:
+    """How many palms the plan uses."""
+    return {"feet": 0, "left_palm": 1, "right_palm": 1, "all": 2}[entry.mode]
 
 
 def _clusters_of_modes(entries: Sequence[Entry]) -> list[list[int]]:
