@@ -37,6 +37,7 @@ from drakeplan.experience.terrain_regions import TURN, TerrainRegions
 from drakeplan.search.ana_star import Limits
 from optimization.elastic_strip.problem import StripOptions
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
+from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
@@ -192,7 +193,11 @@ class AdaptPlanner:
         while self._over():
             yield None
         self._tried += way == self._ways_to_fit[0]
-        motion = self._library.plan(candidate.entry.name).key_motion()
+        try:
+            motion = self._library.plan(candidate.entry.name).key_motion()
+        except InputError:  # its file was damaged after it had been added; the others are as good as before
+            self._failures["damaged file"] += 1
+            return
         motion = motion.until(candidate.end).placed(candidate.X_WL)
         before = _without_palms(before, motion.stances[0])
         if not before:

@@ -105,7 +105,7 @@ def align(
         plans.start, plans.position, _normals(plans.quaternion), plans.effector, plans.first,
         np.asarray(end, np.int64), regions.start, regions.centre, regions.normal, regions.radius, regions.widest,
         np.ascontiguousarray(feet, dtype=np.float64),
-        np.ascontiguousarray(np.broadcast_to(np.asarray(goal, np.float64), (len(plans), 2))), float(radius),
+        np.array(np.broadcast_to(np.asarray(goal, np.float64), (len(plans), 2))), float(radius),
     )  # fmt: skip
     return Alignment(pose, mean, worst)
 

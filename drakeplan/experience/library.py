@@ -185,7 +185,9 @@ class Library:
         file, there = self._file(plan.name), self._file(plan.name).exists()
         write_whole(file, plan.as_bytes())
         addition = self._enter(plan)
-        if not addition.added and not there:  # another process was faster
+        if not (
+            addition.added or there or addition.name == plan.name
+        ):  # another process added one that is nearly the same
             file.unlink(missing_ok=True)
         return addition
 
@@ -196,7 +198,7 @@ class Library:
             facts: must fit JSON.
         """
         self.facts = {**self.facts, **facts}
-        _write_manifest(self.path, self.robot, self.robot_model_sha256, self.facts)
+        _write_manifest(self.path, self.robot, self.robot_model_sha256, self.facts, (self._d_min, self._d_max))
 
     # Index -----------------------------------------------------------------------------------------------------------
 
@@ -266,15 +268,39 @@ class Library:
             ) from None
         self._index = index
         there = {path.name.removesuffix(SUFFIX) for path in (self.path / PLANS).glob(f"*{SUFFIX}")}
-        for name in sorted(there - known):
-            try:
-                self._enter(read_stored_plan(self._file(name)))
-            except InputError as error:
-                self.notes.append(f"{error}: left out")
         for name in sorted(known - there):
             self.notes.append(f"{self._file(name)}: no such file, though the index names it: left out")
-            index.execute("DELETE FROM plan WHERE name = ?", (name,))
+            self._forget(name)
+        for name in sorted(there - known):
+            self._adopt(name)
         return index
+
+    def _adopt(self, name: str) -> None:
+        """Gives a file that has no row one; says why where it cannot."""
+        try:
+            plan = read_stored_plan(self._file(name))
+        except InputError as error:
+            self.notes.append(f"{error}: left out")
+            return
+        if plan.robot_model_sha256 != self.robot_model_sha256:
+            self.notes.append(f"{self._file(name)}: a plan of another robot ({plan.robot}): left out")
+        elif plan.name != name:
+            self.notes.append(f"{self._file(name)}: its contacts ask for the name {plan.name}: left out")
+        else:
+            self._enter(plan)
+
+    def _forget(self, name: str) -> None:
+        """Takes a row out, and its distances out of the sums of its cluster."""
+        with self._transaction():
+            gone = next((entry for entry in self.entries() if entry.name == name), None)
+            if gone is None:  # another process was faster
+                return
+            self._index.execute("DELETE FROM plan WHERE name = ?", (name,))
+            rest = [entry for entry in self.entries(gone.mode) if entry.cluster == gone.cluster]
+            batch = PlanBatch.of([entry.outline for entry in rest])
+            for entry in rest:
+                squares = float((distances(entry.outline, batch) ** 2).sum())
+                self._index.execute("UPDATE plan SET squares = ? WHERE number = ?", (squares, entry.number))
 
     def _file(self, name: str) -> Path:
         return self.path / PLANS / f"{name}{SUFFIX}"
@@ -284,25 +310,34 @@ class Library:
         try:
             about = json.loads(file.read_text(encoding="utf-8"))
             found = about["format"], about["version"]
-            self.robot, self.robot_model_sha256 = str(about["robot"]), str(about["robot_model_sha256"])
-            self._d_min, self._d_max = float(about["d_min"]), float(about["d_max"])
-            self.facts: dict[str, object] = dict(about["facts"])
         except FileNotFoundError:
             raise InputError(f"{self.path}: no library there: {MANIFEST} is missing") from None
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(f"{file}: expected the description of a library ({error})") from None
         if found != (FORMAT, VERSION):
             raise InputError(f"{file}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}")
+        try:
+            self.robot, self.robot_model_sha256 = str(about["robot"]), str(about["robot_model_sha256"])
+            self._d_min, self._d_max = float(about["d_min"]), float(about["d_max"])
+            self.facts: dict[str, object] = dict(about["facts"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{file}: expected the description of a library ({error})") from None
 
 
-def _write_manifest(path: Path, robot: str, robot_model_sha256: str, facts: dict[str, object]) -> None:
+def _write_manifest(
+    path: Path,
+    robot: str,
+    robot_model_sha256: str,
+    facts: dict[str, object],
+    thresholds: tuple[float, float] = (NEAREST, FARTHEST),
+) -> None:
     about = {
         "format": FORMAT,
         "version": VERSION,
         "robot": robot,
         "robot_model_sha256": robot_model_sha256,
-        "d_min": NEAREST,
-        "d_max": FARTHEST,
+        "d_min": thresholds[0],
+        "d_max": thresholds[1],
         "facts": facts,
     }
     write_whole(path / MANIFEST, (json.dumps(about, indent=2) + "\n").encode())

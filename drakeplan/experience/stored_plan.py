@@ -23,6 +23,7 @@ from scenes.effector import EFFECTORS, is_foot
 from scenes.input_error import InputError
 
 FORMAT, VERSION = "drakeplan-stored-plan", 1
+ABOUT = "drakeplan"  # the entry of the file's metadata that holds a JSON object
 SUFFIX = ".safetensors"
 MODES = ("feet", "left_palm", "right_palm", "all")  # motion modes: which palms a plan uses beside the feet
 SHORTEST = 0.3  # [m] a plan of less has no direction
@@ -122,7 +123,9 @@ class StoredPlan:
             X[:3, :3], X[:3, 3] = R, position
             heading = contact_heading(X) if is_foot(EFFECTORS[e]) else float(np.arctan2(X[1, 0], X[0, 0]))
             contacts.append(Contact(EFFECTORS[e], 0, X, 0.5, heading))
-        return KeyMotion(tuple(contacts), self.stances, self.phases, self.t, self.q, self.phase, self.share)
+        q = self.q.copy()
+        q[:, :4] /= np.linalg.norm(q[:, :4], axis=1, keepdims=True)  # files hold single precision
+        return KeyMotion(tuple(contacts), self.stances, self.phases, self.t, q, self.phase, self.share)
 
     def as_bytes(self) -> bytes:
         """The file's content; equal plans give equal bytes."""
@@ -139,12 +142,14 @@ class StoredPlan:
         }
         about = {
             "format": FORMAT,
-            "version": str(VERSION),
+            "version": VERSION,
             "robot": self.robot,
             "robot_model_sha256": self.robot_model_sha256,
-            "facts": json.dumps(self.facts, sort_keys=True),
+            "facts": self.facts,
         }
-        return save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, about)
+        # One entry: safetensors writes several in an order that changes from call to call.
+        metadata = {ABOUT: json.dumps(about, sort_keys=True)}
+        return save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
 
 
 def store_plan(plan: Plan) -> StoredPlan:
@@ -193,44 +198,67 @@ def read_stored_plan(path: str | Path) -> StoredPlan:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path}: {path.stat().st_size} bytes, a stored plan has at most {MAX_BYTES}")
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(f"{path}: no such stored plan ({error.strerror})") from None
+    if size > MAX_BYTES:
+        raise InputError(f"{path}: {size} bytes, a stored plan has at most {MAX_BYTES}")
+    try:
         with safe_open(path, framework="numpy") as file:
-            about = file.metadata() or {}
-            found = about.get("format"), about.get("version")
-            if found != (FORMAT, str(VERSION)):
-                raise InputError(f"{path}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}")
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  (it is no mapping)
-        return _from_arrays(arrays, about)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such stored plan") from None
-    except (SafetensorError, OSError, ValueError, KeyError, TypeError, IndexError) as error:
+            about = json.loads((file.metadata() or {})[ABOUT])
+            found = about["format"], about["version"]
+            known = found == (FORMAT, VERSION)
+            arrays = {name: file.get_tensor(name) for name in file.keys()} if known else {}  # noqa: SIM118  (no mapping)
+        stored = _from_arrays(arrays, about) if known else None
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
         raise InputError(f"{path}: damaged stored plan ({error})") from None
+    if stored is None:
+        raise InputError(f"{path}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}")
+    return stored
 
 
-def _from_arrays(arrays: dict[str, np.ndarray], about: dict[str, str]) -> StoredPlan:
+def _from_arrays(arrays: dict[str, np.ndarray], about: dict[str, object]) -> StoredPlan:
+    """The plan of a file; raises ValueError on data that cannot be."""
     stances, phases = arrays["stances"].astype(np.int64), arrays["phases"].astype(np.int64)
     position, quaternion = arrays["position"], arrays["quaternion"]
-    t, q, phase, share = (arrays[name].astype(float) for name in ("t", "q", "phase", "share"))
-    effector = arrays["effector"].astype(np.int64)
+    t, q, share = (arrays[name].astype(float) for name in ("t", "q", "share"))
+    effector, phase = arrays["effector"].astype(np.int64), arrays["phase"].astype(np.int64)
+    num_contacts, num = len(position), len(t)
+    shapes = {
+        "position": (position, (num_contacts, 3)), "quaternion": (quaternion, (num_contacts, 4)),
+        "effector": (effector, (num_contacts,)), "stances": (stances, (len(stances), len(EFFECTORS))),
+        "phases": (phases, (len(phases), len(EFFECTORS))), "t": (t, (num,)), "phase": (phase, (num,)),
+        "share": (share, (num,)), "q": (q, (num, max(q.shape[-1], 7) if q.ndim else 7)),
+    }  # fmt: skip
+    for name, (array, shape) in shapes.items():
+        if array.shape != shape:
+            raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
     if not all(np.isfinite(a).all() for a in (position, quaternion, t, q, share)):
         raise ValueError("a number is not finite")
-    count = len(position)
-    if quaternion.shape != (count, 4) or effector.shape != (count,) or q.shape != (len(t), q.shape[1]):
-        raise ValueError("lengths do not match")
+    if len(stances) < 2 or not len(phases) or not num or (np.diff(t) <= 0.0).any():
+        raise ValueError("stances, phases or times that cannot be")
+    if (np.linalg.norm(quaternion, axis=1) < 0.5).any() or (np.linalg.norm(q[:, :4], axis=1) < 0.5).any():
+        raise ValueError("a quaternion of no length")
     for table in (stances, phases):
-        if table.ndim != 2 or table.shape[1] != 4 or table.min() < -1 or table.max() >= count:
-            raise ValueError("a table names no contact")
-    if len(stances) < 2 or (stances[:, :2] < 0).any() or (np.diff(t) <= 0.0).any():
-        raise ValueError("stances or times that cannot be")
+        _check_table(table, effector)
+    if (stances[:, :2] < 0).any():
+        raise ValueError("a stance without a foot")
     if not 0 <= phase.min() <= phase.max() < len(phases):
         raise ValueError("a configuration names no phase")
-    q[:, :4] /= np.linalg.norm(q[:, :4], axis=1, keepdims=True)
-    outline = Outline(position, quaternion, effector, _first(stances, count), _distance(position, stances))
+    outline = Outline(position, quaternion, effector, _first(stances, num_contacts), _distance(position, stances))
     return StoredPlan(
-        outline, stances, phases, t, q, phase.astype(np.int64), share,
-        about["robot"], about["robot_model_sha256"], dict(json.loads(about["facts"])),
+        outline, stances, phases, t, q, phase, share,
+        str(about["robot"]), str(about["robot_model_sha256"]), dict(about["facts"]),  # type: ignore[call-overload]
     )  # fmt: skip
+
+
+def _check_table(table: np.ndarray, effector: np.ndarray) -> None:
+    """Raises ValueError unless every entry of a stance or phase is -1 or names a contact of its column's end effector."""
+    if table.min() < -1 or table.max() >= len(effector):
+        raise ValueError("a table names no contact")
+    column = np.broadcast_to(np.arange(len(EFFECTORS)), table.shape)
+    if (effector[table[table >= 0]] != column[table >= 0]).any():
+        raise ValueError("a contact stands in another end effector's column")
 
 
 def _outline(motion: KeyMotion) -> Outline:

@@ -13,7 +13,10 @@ from scenes.library import (
     slippery_slope,
     stairs,
     steep_slope,
+    three_corridors,
     tilted_slab,
+    two_corridors,
+    two_staircases,
     wide_gap,
     wider_gap,
 )
@@ -31,4 +34,7 @@ NAMED_SCENES: dict[str, Callable[[int], Scene]] = {
     "narrow_flat": narrow_flat.named,
     "tilted_slab": tilted_slab.named,
     "random_surfaces": random_surfaces.named,
+    "three_corridors": three_corridors.named,
+    "two_corridors": two_corridors.named,
+    "two_staircases": two_staircases.named,
 }

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
-
-sys.path.insert(0, str(Path(__file__).parent))
 from made_up_plans import circles, contact_poses, floor, made_up_plan, random_regions
+from scipy.spatial.transform import Rotation
 
 from drakeplan.experience.alignment import STILL, Alignment, RegionTable, align
 from drakeplan.experience.plan_distance import PlanBatch

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
-
-sys.path.insert(0, str(Path(__file__).parent))
 from made_up_plans import HALF_WIDTH, made_up_plan
+from scipy.spatial.transform import Rotation
 
 from drakeplan.experience.plan_distance import TURN_WEIGHT, PlanBatch, distances
 from drakeplan.experience.stored_plan import Outline

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-sys.path.insert(0, str(Path(__file__).parent))
 from made_up_plans import contact_poses, floor, made_up_plan, random_regions
 
 from drakeplan.experience.alignment import STILL, RegionTable, align
 from drakeplan.experience.library import Entry
 from drakeplan.experience.plan_distance import PlanBatch
-from drakeplan.experience.retrieval import Candidate, candidates, usable_modes
+from drakeplan.experience.retrieval import PALM_COST, Candidate, candidates, usable_modes
 from drakeplan.experience.stored_plan import MODES, StoredPlan, plan_pose
 from scenes.effector import LEFT_PALM, RIGHT_PALM
 
@@ -166,7 +162,9 @@ def test_clusters_come_by_their_representatives_and_plans_by_their_distance(seed
         groups.setdefault((e.mode, e.cluster), []).append(e)
 
     def of_representative(group: list[Entry]) -> float:
-        return distance[min(group, key=lambda e: e.squares).name]
+        representative = min(group, key=lambda e: e.squares)
+        num_palms = len(set(representative.outline.effector) & {LEFT_PALM, RIGHT_PALM})
+        return distance[representative.name] + PALM_COST * num_palms
 
     ordered = sorted(groups.values(), key=of_representative)
     expected = [e.name for group in ordered for e in sorted(group, key=lambda e: distance[e.name])]

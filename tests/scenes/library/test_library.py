@@ -14,7 +14,8 @@ from scenes.library import NAMED_SCENES, rubble_corridor, rubble_field, tilted_s
 from scenes.library.plates import MAX_RISE, MAX_TILT, tilt_rotation
 
 SEEDS = range(50)
-RANDOM = ("rubble_field", "rubble_corridor", "random_surfaces")
+ROOMS = ("three_corridors", "two_corridors", "two_staircases")
+RANDOM = ("rubble_field", "rubble_corridor", "random_surfaces", *ROOMS)
 
 
 def roll_and_pitch(normal):
@@ -36,7 +37,7 @@ def test_every_scene_has_ground_to_stand_on_at_its_start_and_its_goal(name):
         scene = load_scene(name, seed=seed)
         assert scene.name == name
         assert scene.goal.radius == 0.2
-        assert scene.start.xyz == (0.025, 0.0, 0.0)
+        assert name in ROOMS or scene.start.xyz == (0.025, 0.0, 0.0)
         assert all(s.friction == 0.5 for s in scene.terrain.surfaces)
         for point in (scene.start.xyz, scene.goal.xyz):
             under = [
@@ -213,6 +214,62 @@ def test_a_scene_is_made_by_name_faster_than_it_is_read_from_its_file():
         made.append(once(lambda: load_scene("rubble_corridor", seed=3)))
         read.append(once(lambda: scene_from_yaml(text, "it")))
     assert min(made) < min(read)
+
+
+@pytest.mark.parametrize("name", ["two_corridors", "two_staircases"])
+def test_half_of_the_patches_of_two_rooms_are_rubble_of_twenty_degrees(name):
+    """Lin 2020 sec. 5.11: patches of 1.5 m, level or rubble with 50 % probability each."""
+    level = rough = 0
+    for seed in SEEDS:
+        scene = load_scene(name, seed=seed)
+        rooms = [s for s in scene.terrain.surfaces if "room" in s.name]
+        for patch in {s.name.split("_stone")[0] for s in rooms}:
+            own = [s for s in rooms if s.name.split("_stone")[0] == patch]
+            corners = np.concatenate([s.vertices for s in own])
+            assert np.ptp(corners[:, 0]) == pytest.approx(1.5, abs=0.12)  # tilted stones reach a little less far
+            level, rough = level + (len(own) == 1), rough + (len(own) > 1)
+            for stone in own if len(own) > 1 else []:
+                assert max(np.abs(roll_and_pitch(stone.normal))) <= MAX_TILT + 1e-9
+    places = 2 * len(SEEDS)  # patches under start and goal are level
+    assert rough / (level + rough - places) == pytest.approx(0.5, abs=0.04)
+
+
+def test_a_staircase_has_nine_stairs_of_equal_rise():
+    """Lin 2020 sec. 5.11.2: the upper room is 1 to 1.5 m up, equally distributed over nine stairs."""
+    rises = []
+    for seed in SEEDS:
+        scene = load_scene("two_staircases", seed=seed)
+        rise = scene.goal.xyz[2]
+        rises.append(rise)
+        for k in range(2):
+            for stair in range(9):
+                name = f"staircase_{k}_{stair}"
+                own = [s for s in scene.terrain.surfaces if s.name == name or s.name.startswith(f"{name}_stone")]
+                height = np.mean([s.centroid[2] for s in own])
+                assert height == pytest.approx(rise * (stair + 1) / 9, abs=0.0 if len(own) == 1 else MAX_RISE)
+    assert 1.0 <= min(rises) < 1.1
+    assert 1.4 < max(rises) <= 1.5
+
+
+def test_of_three_corridors_the_middle_one_is_the_shortest_way_and_all_are_rubble():
+    """Lin & Berenson 2017 fig. 6."""
+    for seed in range(10):
+        scene = load_scene("three_corridors", seed=seed)
+        assert scene.start.xyz[1] == scene.goal.xyz[1] == 0.0
+        for k, middle in enumerate((-1.875, 0.0, 1.875)):
+            ground = stones(scene, f"corridor_{k}_0_stone") + stones(scene, f"corridor_{k}_1_stone")
+            assert len(ground) == 50
+            assert np.mean([s.centroid[1] for s in ground]) == pytest.approx(middle)
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_walls_face_the_way_between_them(name):
+    for seed in range(10):
+        scene = load_scene(name, seed=seed)
+        walls = [s for s in scene.terrain.surfaces if "_right_" in s.name or "_left_" in s.name]
+        assert walls
+        for wall in walls:
+            assert wall.normal[1] * (1.0 if "_right_" in wall.name else -1.0) > np.cos(2 * MAX_TILT)
 
 
 def test_every_scene_has_a_description_of_one_line():
