@@ -187,6 +187,12 @@ class TorsoGrid:
         level = nodes // TURNS
         return np.column_stack([ground.at[level], nodes % TURNS]), ground.z[level], wave.cost[nodes]
 
+    def settled_places(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) middles of the cells that the wave has settled, on their floors [m], and (n,) their distances [m]."""
+        cells, z, cost = self.settled_nodes()
+        ground = self._wave.ground
+        return np.column_stack([ground.origin + (cells[:, :2] + 0.5) * ground.cell, z]), cost
+
     def settled(self) -> np.ndarray:
         """(nx, ny) least distance over floors and yaws of the cells reached so far [m], inf elsewhere; for pictures."""
         out = np.full(self.shape[:2], np.inf)

@@ -4,8 +4,8 @@
 
 A plan is fitted in one of two ways. First every contact goes to the nearest point of its region and the sequence is judged by
 the search's own checks: milliseconds. Plans for which that fails get the documented elastic strip afterwards, which moves
-contacts and postures together: about a second each. Where no plan leads as far as the goal, one that leads towards it is
-fitted, and the library is asked again from where it ends (sec. 5.8.2).
+contacts and postures together: about a second each. A way that is bent, or longer than any plan, is covered by several plans,
+one for each straight piece of it; the library is asked again from where the one before ends (sec. 5.8.2).
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from drakeplan.experience.shipped import library_folder
 from drakeplan.experience.stored_plan import Outline
 from drakeplan.experience.strip_setup import Sampling, goal_gathering
 from drakeplan.experience.terrain_regions import TURN, TerrainRegions
+from drakeplan.experience.way import next_place, torso_way
 from drakeplan.search.ana_star import Limits
 from optimization.elastic_strip.problem import StripOptions
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -43,9 +44,10 @@ from scenes.stance import Stance
 
 FARTHEST = 0.5  # [m] distance (Lin 2020 eq. 4.4) beyond which a region is no place for a contact
 REPAIRS = {"projection": 12, "strip": 4}  # times that contacts of one plan are sent elsewhere
-ROUND = 24  # plans that are projected before the strip is tried on the same ones
+ROUND = 60  # plans that are projected before the strip is tried on the same ones
 STRIP_SECONDS = 3.0  # [s] of one strip
-MOST_PARTS = 6  # plans in a row
+MOST_PARTS = 12  # plans in a row
+PIECE_RADIUS = 0.3  # [m] how near a plan comes to the end of a piece of the way
 PARTS_TRIED = 6  # plans tried for each part of a way that no plan covers alone
 
 
@@ -86,7 +88,7 @@ class AdaptPlanner:
         self.context, self._options = context, options
         self._ways_to_fit = ("projection", "strip") if options.fit == "quick" else ("strip",)
         self._balanced = options.fit != "strip_ends"
-        self._goal = np.array(context.goal.xyz)
+        self._way = torso_way(context)
         self._library = Library(library_folder(context.robot, options.library), context.robot)
         modes = usable_modes(context, options.use_palms)
         self._entries = [entry for mode in modes for entry in self._library.entries(mode)]
@@ -169,25 +171,32 @@ class AdaptPlanner:
         if len(parts) >= MOST_PARTS:
             return
         feet = np.array([c.p_WC for c in before[-1].contacts[:2] if c is not None])
+        place, is_last = next_place(self.context, self._way, feet.mean(axis=0))
+        radius = self.context.goal.radius if is_last else PIECE_RADIUS
         turns = {"projection": 0.0, "strip": TURN}  # a strip may turn feet, and needs regions where it can
-        terrain = {way: TerrainRegions(self.context, feet, self._goal, turns[way]) for way in self._ways_to_fit}
+        terrain = {way: TerrainRegions(self.context, feet, place, turns[way]) for way in self._ways_to_fit}
         table = terrain[self._ways_to_fit[0]].table(self._options.use_palms)
-        found = candidates(self._entries, table, feet, self._goal, self.context.goal.radius)
+        found = candidates(self._entries, table, feet, place, radius)
+        alone = is_last and not parts
+        ways = (
+            self._ways_to_fit if alone else self._ways_to_fit[:1]
+        )  # strips are too slow where several plans are needed
         if parts:
             found = itertools.islice(found, PARTS_TRIED)
-        for candidate, way in _in_rounds(found, self._ways_to_fit):
+        for candidate, way in _in_rounds(found, ways):
             part = Part(candidate.entry.name, candidate.distance, way)
-            for stances in self._adapted(candidate, way, before, terrain[way]):
+            arrives = is_last and candidate.reaches
+            for stances in self._adapted(candidate, way, before, terrain[way], arrives):
                 if stances is None:
                     yield None
-                elif candidate.reaches:
+                elif arrives:
                     self.retrieved = (*parts, part)
                     yield stances
                 else:
                     yield from self._ways(stances, (*parts, part))
 
     def _adapted(
-        self, candidate: Candidate, way: str, before: tuple[Stance, ...], terrain: TerrainRegions
+        self, candidate: Candidate, way: str, before: tuple[Stance, ...], terrain: TerrainRegions, arrives: bool
     ) -> Iterator[tuple[Stance, ...] | None]:
         """Sequences that one stored plan gives in turn, after these stances; None whenever the time is over."""
         while self._over():
@@ -203,7 +212,7 @@ class AdaptPlanner:
         if not before:
             self._failures["palms at its start"] += 1
             return
-        fit = self._fit(motion, candidate.reaches, before[-1], terrain)
+        fit = self._fit(motion, arrives, before[-1], terrain)
         if fit.problem:
             self._failures["no region"] += 1
             return
@@ -216,7 +225,7 @@ class AdaptPlanner:
                 if not (fit.leave_gatherings() if way == "projection" else fit.leave_broken_places()):
                     return
                 continue
-            bad = self._failed_transitions(stances, candidate.reaches)
+            bad = self._failed_transitions(stances, arrives)
             if not bad:
                 self._refused = []
                 whole = (*before, *stances[1:])
@@ -227,19 +236,19 @@ class AdaptPlanner:
             if not bad or not fit.leave_transitions(bad):
                 return
 
-    def _failed_transitions(self, stances: Sequence[Stance], reaches: bool) -> list[int]:
+    def _failed_transitions(self, stances: Sequence[Stance], arrives: bool) -> list[int]:
         """The transitions that fail the search's check; the last one where its feet are not in the goal."""
         failed = self._check.why_it_fails(stances)
         self._failures.update({reason for _, reason in failed})
         bad = [k for k, _ in failed]
         feet = [c for c in stances[-1].contacts[:2] if c is not None]
         yaw = feet[0].heading + 0.5 * wrap(feet[1].heading - feet[0].heading)
-        if reaches and not is_at_goal(self.context.goal, stances[-1].feet_mean(), yaw):
+        if arrives and not is_at_goal(self.context.goal, stances[-1].feet_mean(), yaw):
             self._failures["goal"] += 1
             bad.append(len(stances) - 2)
         return sorted(set(bad))
 
-    def _fit(self, motion: KeyMotion, reaches: bool, start: Stance, terrain: TerrainRegions) -> Fit:
+    def _fit(self, motion: KeyMotion, arrives: bool, start: Stance, terrain: TerrainRegions) -> Fit:
         """The plan where it was laid, its first contacts where the robot stands."""
         fixed = {int(c): start.contacts[e] for e, c in enumerate(motion.stances[0]) if c >= 0}
         return Fit(
@@ -247,7 +256,7 @@ class AdaptPlanner:
             self.context,
             Sampling(FARTHEST, TURN),
             StripOptions(turn=TURN),
-            gatherings=goal_gathering(motion, self.context.goal) if reaches else (),
+            gatherings=goal_gathering(motion, self.context.goal) if arrives else (),
             fixed={c: contact for c, contact in fixed.items() if contact is not None},
             balanced=self._balanced,
             terrain=terrain,

@@ -13,7 +13,13 @@ from scenes.effector import EFFECTORS, is_foot
 from scenes.footholds.contact_regions import ContactRegions, cover_terrain
 from scenes.terrain.packed_terrain import near
 
-BESIDE = 1.5  # [m] how far from the straight way, and beyond its ends, contacts are looked for
+NARROW, FINE, COARSE = (
+    0.8,
+    0.01,
+    0.04,
+)  # [m] extent up to which samples get as fine as documented, and how fine they get
+SMALL = 3.0  # [m] greatest extent of a surface that is covered whole
+BESIDE = 1.2  # [m] how far from the straight way, and beyond its ends, contacts are looked for
 TURN = 0.06  # [rad] that a foot may turn about its normal, to either side
 AHEAD = 6.0  # [m] of the way that is covered: no stored plan is longer
 BIN = 0.04  # [rad] headings within one share their regions
@@ -68,19 +74,46 @@ class TerrainRegions:
         return regions.where(keep)
 
     def _cover(self, e: int, heading: float) -> ContactRegions:
+        """The circles of all surfaces here; those of small surfaces serve the whole query, wherever a plan begins."""
         foot = is_foot(EFFECTORS[e])
         key = e, round(heading / BIN) if foot else 0
         if key not in self._covers:
-            self._covers[key] = cover_terrain(
-                self._context.packed,
-                self._context.robot.effectors[e],
-                heading=key[1] * BIN,
-                turn=self._turn + BIN / 2.0 if foot else 0.0,
-                surfaces=self._surfaces,
-                around=self._middle,
-                reach=self._reach,
+            turn = self._turn + BIN / 2.0 if foot else 0.0
+            kept = self._context.made.setdefault(f"regions of {EFFECTORS[e]} at {key[1]} within {turn:.3f}", {})
+            assert isinstance(kept, dict)
+            extent = (self._context.packed.high - self._context.packed.low)[self._surfaces].max(axis=1, initial=0.0)
+            small = [k for k, size in zip(self._surfaces, extent, strict=True) if size <= SMALL]
+            missing = [k for k in small if k not in kept]
+            wide = {k for k, size in zip(self._surfaces, extent, strict=True) if size > NARROW}
+            for finest, some in (
+                (FINE, [k for k in missing if k not in wide]),
+                (COARSE, [k for k in missing if k in wide]),
+            ):
+                found = self._find(e, key[1] * BIN, turn, some, np.inf, finest)
+                for k in some:
+                    kept[k] = found.where(found.surface == k)
+            large = [k for k, size in zip(self._surfaces, extent, strict=True) if size > SMALL]
+            parts = [*(kept[k] for k in small), self._find(e, key[1] * BIN, turn, large, self._reach, COARSE)]
+            self._covers[key] = ContactRegions(
+                np.concatenate([part.surface for part in parts]),
+                np.concatenate([part.X_WR for part in parts]),
+                np.concatenate([part.radius for part in parts]),
             )
         return self._covers[key]
+
+    def _find(
+        self, e: int, heading: float, turn: float, surfaces: list[int], reach: float, finest: float
+    ) -> ContactRegions:
+        return cover_terrain(
+            self._context.packed,
+            self._context.robot.effectors[e],
+            heading=heading,
+            turn=turn,
+            surfaces=surfaces,
+            around=self._middle if np.isfinite(reach) else None,
+            reach=reach,
+            finest=finest,
+        )
 
     def _stands(self, e: int, surface: int, contact: Contact, cone: FrictionCone) -> bool:
         """Whether the surface is flat enough to stand on alone; it depends little on the heading."""

@@ -1,0 +1,70 @@
+"""The way of the torso to the goal, and its straight pieces: what stored plans are asked to cover one after the other.
+
+The way is that of the torso grid (Lin 2020 fig. 6.3): from cell to cell, always to the neighbour nearest to the goal. A piece
+of it is as long as the torso can go straight on, since stored plans lead straight ahead (sec. 5.8.2 takes the first pose of
+the guiding path that is as far away as the plan is long).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from drakeplan.context import QueryContext
+
+NEIGHBOURS = 0.16  # [m] between neighbouring cells of the grid, diagonals included
+RISE = 0.35  # [m] between the floors of neighbouring cells at most
+SPACING = 0.15  # [m] at which a straight line is looked at
+LONGEST = 4.8  # [m] of a piece: as far as the longest stored plans lead
+MOST_CELLS = 2000
+
+
+def torso_way(context: QueryContext) -> np.ndarray:
+    """(K, 3) the way from the start to the goal; these two alone where the grid knows none [m].
+
+    Args:
+        context: of the query.
+    """
+    start, goal = context.start.feet_mean(), np.array(context.goal.xyz)
+    heading = float(np.mean([c.heading for c in context.start.contacts[:2] if c is not None]))
+    known = context.torso_grid.distance(*start[:, None], np.array([heading]))
+    if not np.isfinite(known[0]):
+        return np.array([start, goal])
+    places, cost = context.torso_grid.settled_places()
+    tree = cKDTree(places[:, :2])
+    way, here = [start], start
+    left = np.inf
+    for _ in range(MOST_CELLS):
+        near = np.array(tree.query_ball_point(here[:2], NEIGHBOURS), dtype=int)
+        near = near[np.abs(places[near, 2] - here[2]) <= RISE] if len(near) else near
+        if not len(near) or cost[near].min() >= left:
+            break
+        best = near[np.argmin(cost[near])]
+        here, left = places[best], float(cost[best])
+        way.append(here)
+    return np.array([*way, goal])
+
+
+def next_place(context: QueryContext, way: np.ndarray, here: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(3,) the farthest place ahead that the torso can reach straight, and whether it is the end of the way [m].
+
+    Args:
+        context: of the query.
+        way: (K, 3) [m].
+        here: (3,) where the feet are [m].
+    """
+    first = int(np.argmin(np.linalg.norm(way - here, axis=1)))
+    near = min(first + 1, len(way) - 1)
+    for k in range(len(way) - 1, near, -1):
+        if np.hypot(*(way[k] - here)[:2]) <= LONGEST and _is_free(context, here, way[k]):
+            return way[k], k == len(way) - 1
+    return way[near], near == len(way) - 1
+
+
+def _is_free(context: QueryContext, here: np.ndarray, there: np.ndarray) -> bool:
+    """Whether the torso grid knows a way from everywhere on the straight line."""
+    count = max(int(np.ceil(np.hypot(*(there - here)[:2]) / SPACING)), 1)
+    share = np.linspace(0.0, 1.0, count + 1)[:, None]
+    x, y, z = (here + share * (there - here)).T
+    yaw = np.full(count + 1, np.arctan2(there[1] - here[1], there[0] - here[0]))
+    return bool(np.isfinite(context.torso_grid.distance(x, y, z, yaw)).all())
