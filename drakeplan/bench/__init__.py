@@ -17,6 +17,7 @@ BENCHES = {
     "published": "the published draws of the rubble scenes (needs DRAKEPLAN_CASES)",
     "balance": "balance polygons and queries against hpp-centroidal-dynamics and HiGHS",
     "experience": "stored plans adapted, the search, and both at once; success where footholds get rare; picture in out/",
+    "rooms": "rooms joined by corridors and staircases: search, stored plans along the torso's way, both",
     "deform": "plans deformed to surfaces moved by up to 10 cm and 15 deg, beside planning again",
     "surrogate": "learned centroidal dynamics: errors on scenes held out (Lin 2020 fig. 6.10) and time a transition",
     "centroidal": "centroidal labels per second, agreement with an interior point, whole sequences, crocoddyl",

@@ -56,6 +56,8 @@ class Arguments:
     """folder of package://NAME addresses in the robot's model; may be given several times"""
     count: int = 0
     """with build: total number of environments"""
+    most: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """with build: plans of each motion mode at most (default: all)"""
     friction: Annotated[float, tyro.conf.arg(metavar="MU")] = 0.5
     """with build: of every surface"""
     workers: int = 1
@@ -92,6 +94,8 @@ def _build(arguments: Arguments) -> int:
     for name, least in (("count", 1), ("workers", 1), ("seed", 0)):
         if getattr(arguments, name) < least:
             raise InputError(f"--{name}: expected {least} or more, got {getattr(arguments, name)}")
+    if arguments.most is not None and arguments.most < 1:
+        raise InputError(f"--most: expected 1 or more, got {arguments.most}")
     if not 0 < arguments.friction <= MOST_FRICTION:
         raise InputError(f"--friction: expected more than 0, at most {MOST_FRICTION:g}, got {arguments.friction:g}")
     packages = read_packages(arguments.package)
@@ -114,14 +118,15 @@ def _build(arguments: Arguments) -> int:
         raise
     finally:
         bar.close()
-    report = add_campaign(library, folder, card)
+    report = add_campaign(library, folder, card, arguments.most)
     if arguments.json:
         from drakeplan.cli.output import print_json
 
         print_json({"status": "built", "folder": arguments.library, **asdict(report)})
     else:
         print(f"{report.plans} verified plans of {report.environments} environments; {report.added} added, "
-              f"{report.alike} left out: stored already, or nearly the same")  # fmt: skip
+              f"{report.alike} left out: stored already, or nearly the same"
+              + (f"; {report.spare} not needed" if report.spare else ""))  # fmt: skip
         _print_modes(library)
     return 0
 
