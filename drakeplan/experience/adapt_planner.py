@@ -89,10 +89,9 @@ class AdaptPlanner:
         self._ways_to_fit = ("projection", "strip") if options.fit == "quick" else ("strip",)
         self._balanced = options.fit != "strip_ends"
         self._way = torso_way(context)
-        self._library = Library(library_folder(context.robot, options.library), context.robot)
         modes = usable_modes(context, options.use_palms)
-        self._entries = [entry for mode in modes for entry in self._library.entries(mode)]
-        self.notes = list(self._library.notes)
+        with Library(library_folder(context.robot, options.library), context.robot) as self._library:
+            self._entries = [entry for mode in modes for entry in self._library.entries(mode)]
         self._check = SequenceCheck(context)
         self._refused: list[int] = []
         self._failures: Counter[str] = Counter()
@@ -177,10 +176,8 @@ class AdaptPlanner:
         terrain = {way: TerrainRegions(self.context, feet, place, turns[way]) for way in self._ways_to_fit}
         table = terrain[self._ways_to_fit[0]].table(self._options.use_palms)
         found = candidates(self._entries, table, feet, place, radius)
-        alone = is_last and not parts
-        ways = (
-            self._ways_to_fit if alone else self._ways_to_fit[:1]
-        )  # strips are too slow where several plans are needed
+        # Strips are too slow where several plans are needed.
+        ways = self._ways_to_fit if is_last and not parts else self._ways_to_fit[:1]
         if parts:
             found = itertools.islice(found, PARTS_TRIED)
         for candidate, way in _in_rounds(found, ways):
