@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from drakeplan.contact_planning.binary_heap import pop, push, sift_up
 from drakeplan.contact_planning.ground_levels import (
     ALL,
     MOST_LEVELS,
@@ -180,18 +181,25 @@ class TorsoGrid:
                 return out
             self._enlarge()
 
+    def _settled(self) -> np.ndarray:
+        """(n,) the nodes that the wave has settled."""
+        return np.flatnonzero(self._wave.place[: int(self._wave.ground.count[0]) * TURNS] == SETTLED)
+
     def settled_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n, 3) cells i, j and yaw of all that the wave has settled, (n,) heights [m] and (n,) distances [m]."""
-        ground, wave = self._wave.ground, self._wave
-        nodes = np.flatnonzero(wave.place[: int(ground.count[0]) * TURNS] == SETTLED)
-        level = nodes // TURNS
-        return np.column_stack([ground.at[level], nodes % TURNS]), ground.z[level], wave.cost[nodes]
+        nodes, ground = self._settled(), self._wave.ground
+        return (
+            np.column_stack([ground.at[nodes // TURNS], nodes % TURNS]),
+            ground.z[nodes // TURNS],
+            self._wave.cost[nodes],
+        )
 
-    def settled_places(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 3) middles of the cells that the wave has settled, on their floors [m], and (n,) their distances [m]."""
-        cells, z, cost = self.settled_nodes()
-        ground = self._wave.ground
-        return np.column_stack([ground.origin + (cells[:, :2] + 0.5) * ground.cell, z]), cost
+    def settled_places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(n, 3) middles of the settled cells on their floors [m], (n,) distances [m], and whether ground is right below."""
+        nodes, ground = self._settled(), self._wave.ground
+        level = nodes // TURNS
+        xy = ground.origin + (ground.at[level] + 0.5) * ground.cell
+        return np.column_stack([xy, ground.z[level]]), self._wave.cost[nodes], ground.own[level]
 
     def settled(self) -> np.ndarray:
         """(nx, ny) least distance over floors and yaws of the cells reached so far [m], inf elsewhere; for pictures."""
@@ -232,49 +240,6 @@ class TorsoGrid:
 def _full(wave: _Wave) -> bool:
     """Whether there might be no room for what the next cells need."""
     return wave.ground.count[0] + wave.reserve > wave.ground.z.shape[0]
-
-
-@njit(cache=True)
-def _sift_up(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, k: int) -> None:
-    while k > 0:
-        parent = (k - 1) >> 1
-        if cost[heap[parent]] <= cost[heap[k]]:
-            break
-        heap[parent], heap[k] = heap[k], heap[parent]
-        place[heap[parent]], place[heap[k]] = parent, k
-        k = parent
-
-
-@njit(cache=True)
-def _pop(heap: np.ndarray, place: np.ndarray, cost: np.ndarray, size: np.ndarray) -> int:
-    top = heap[0]
-    size[0] -= 1
-    n = size[0]
-    if n > 0:
-        heap[0] = heap[n]
-        place[heap[0]] = 0
-        k = 0
-        while True:
-            child = 2 * k + 1
-            if child >= n:
-                break
-            if child + 1 < n and cost[heap[child + 1]] < cost[heap[child]]:
-                child += 1
-            if cost[heap[k]] <= cost[heap[child]]:
-                break
-            heap[k], heap[child] = heap[child], heap[k]
-            place[heap[k]], place[heap[child]] = k, child
-            k = child
-    place[top] = SETTLED
-    return top
-
-
-@njit(cache=True)
-def _push(heap: np.ndarray, place: np.ndarray, size: np.ndarray, s: int) -> None:
-    """Adds a node at the end of the heap."""
-    heap[size[0]] = s
-    place[s] = size[0]
-    size[0] += 1
 
 
 @njit(cache=True)
@@ -347,7 +312,7 @@ def _seed_level(packed: PackedTerrain, wave: _Wave, level: int, goal_yaw: float)
         how = _free(packed, wave, level, t)
         if how != TAKEN:
             wave.cost[s], wave.lowered[s] = 0.0, how == LOWERED
-            _push(wave.heap, wave.place, wave.size, s)
+            push(wave.heap, wave.place, wave.size, s)
 
 
 @njit(cache=True)
@@ -364,7 +329,8 @@ def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
     while wave.size[0] > 0 and place[target] != SETTLED:
         if ground.count[0] + wave.reserve > height.shape[0]:
             return False
-        s = _pop(wave.heap, place, cost, wave.size)
+        s = pop(wave.heap, place, cost, wave.size)
+        place[s] = SETTLED
         level, t = s // TURNS, s % TURNS
         i, j, z = at[level, 0], at[level, 1], height[level]
         n = 0
@@ -398,12 +364,12 @@ def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
                     place[q] = BLOCKED
                     continue
                 lowered[q] = how == LOWERED
-                _push(wave.heap, place, wave.size, q)
+                push(wave.heap, place, wave.size, q)
             new = cost[s] + edges[m] * (STOOPED if lowered[s] or lowered[q] else 1.0)
             if cost[q] <= new:
                 continue
             cost[q] = new
-            _sift_up(wave.heap, place, cost, place[q])
+            sift_up(wave.heap, place, cost, place[q])
     return True
 
 

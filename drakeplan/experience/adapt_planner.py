@@ -34,6 +34,7 @@ from drakeplan.experience.shipped import library_folder
 from drakeplan.experience.stored_plan import Outline
 from drakeplan.experience.strip_setup import Sampling, goal_gathering
 from drakeplan.experience.terrain_regions import TURN, TerrainRegions
+from drakeplan.experience.turn import turn_towards
 from drakeplan.experience.way import next_place, torso_way
 from drakeplan.search.ana_star import Limits
 from optimization.elastic_strip.problem import StripOptions
@@ -172,6 +173,8 @@ class AdaptPlanner:
         feet = np.array([c.p_WC for c in before[-1].contacts[:2] if c is not None])
         place, is_last = next_place(self.context, self._way, feet.mean(axis=0))
         radius = self.context.goal.radius if is_last else PIECE_RADIUS
+        before = turn_towards(self.context, before, place)
+        feet = np.array([c.p_WC for c in before[-1].contacts[:2] if c is not None])
         turns = {"projection": 0.0, "strip": TURN}  # a strip may turn feet, and needs regions where it can
         terrain = {way: TerrainRegions(self.context, feet, place, turns[way]) for way in self._ways_to_fit}
         table = terrain[self._ways_to_fit[0]].table(self._options.use_palms)

@@ -14,6 +14,9 @@ from drakeplan.context import QueryContext
 
 NEIGHBOURS = 0.16  # [m] between neighbouring cells of the grid, diagonals included
 RISE = 0.35  # [m] between the floors of neighbouring cells at most
+LEANS = 0.6  # [m] how far from ground right below the grid's torso may be
+SHORTEST = 0.8  # [m] of a piece, wherever the straight line leads: some steps of a plan
+TURNS = (0.0, np.pi / 6, -np.pi / 6)  # [rad] off the line that the torso may be turned on it
 SPACING = 0.15  # [m] at which a straight line is looked at
 LONGEST = 4.8  # [m] of a piece: as far as the longest stored plans lead
 MOST_CELLS = 2000
@@ -30,19 +33,33 @@ def torso_way(context: QueryContext) -> np.ndarray:
     known = context.torso_grid.distance(*start[:, None], np.array([heading]))
     if not np.isfinite(known[0]):
         return np.array([start, goal])
-    places, cost = context.torso_grid.settled_places()
+    places, cost, over_ground = context.torso_grid.settled_places()
     tree = cKDTree(places[:, :2])
     way, here = [start], start
     left = np.inf
     for _ in range(MOST_CELLS):
         near = np.array(tree.query_ball_point(here[:2], NEIGHBOURS), dtype=int)
         near = near[np.abs(places[near, 2] - here[2]) <= RISE] if len(near) else near
-        if not len(near) or cost[near].min() >= left:
+        near = near[cost[near] < left]
+        if not len(near):
             break
         best = near[np.argmin(cost[near])]
         here, left = places[best], float(cost[best])
         way.append(here)
-    return np.array([*way, goal])
+    return np.array([start, *_over_ground(np.array(way[1:]).reshape(-1, 3), places[over_ground]), goal])
+
+
+def _over_ground(way: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(K, 3) the way moved to places with ground right below: the torso may lean out over an edge, where no foot stands.
+
+    Args:
+        way: (K, 3) [m].
+        places: (n, 3) cells over ground [m].
+    """
+    if not len(way) or not len(places):
+        return way
+    off, nearest = cKDTree(places).query(way)
+    return np.where((off < LEANS)[:, None], places[nearest], way)
 
 
 def next_place(context: QueryContext, way: np.ndarray, here: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -54,7 +71,8 @@ def next_place(context: QueryContext, way: np.ndarray, here: np.ndarray) -> tupl
         here: (3,) where the feet are [m].
     """
     first = int(np.argmin(np.linalg.norm(way - here, axis=1)))
-    near = min(first + 1, len(way) - 1)
+    along = np.linalg.norm(np.diff(way[first:, :2], axis=0), axis=1).cumsum()
+    near = min(first + 1 + int(np.searchsorted(along, SHORTEST)), len(way) - 1)
     for k in range(len(way) - 1, near, -1):
         if np.hypot(*(way[k] - here)[:2]) <= LONGEST and _is_free(context, here, way[k]):
             return way[k], k == len(way) - 1
@@ -66,5 +84,6 @@ def _is_free(context: QueryContext, here: np.ndarray, there: np.ndarray) -> bool
     count = max(int(np.ceil(np.hypot(*(there - here)[:2]) / SPACING)), 1)
     share = np.linspace(0.0, 1.0, count + 1)[:, None]
     x, y, z = (here + share * (there - here)).T
-    yaw = np.full(count + 1, np.arctan2(there[1] - here[1], there[0] - here[0]))
-    return bool(np.isfinite(context.torso_grid.distance(x, y, z, yaw)).all())
+    heading = np.arctan2(there[1] - here[1], there[0] - here[0])
+    known = [context.torso_grid.distance(x, y, z, np.full(count + 1, heading + turn)) for turn in TURNS]
+    return bool(np.isfinite(known).any(axis=0).all())
