@@ -201,8 +201,10 @@ def _match(arguments: Arguments) -> int:
 
     from drakeplan.cli.output import print_json, read_scene_aloud
     from drakeplan.context import QueryContext
+    from drakeplan.experience.adapt_planner import PIECE_RADIUS
     from drakeplan.experience.retrieval import candidates, usable_modes
     from drakeplan.experience.terrain_regions import TURN, TerrainRegions
+    from drakeplan.experience.way import next_place, torso_way
     from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
     from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
@@ -213,13 +215,18 @@ def _match(arguments: Arguments) -> int:
     library = _open(arguments)
     context = QueryContext(read_scene_aloud(arguments.what[0], arguments.seed), robot, WholeBodyIK(robot))
     feet = np.array([c.p_WC for c in context.start.contacts[:2] if c is not None])
-    goal = np.array(context.goal.xyz)
+    place, is_last = next_place(context, torso_way(context), feet.mean(axis=0))
+    radius = context.goal.radius if is_last else PIECE_RADIUS
     entries = [entry for mode in usable_modes(context, True) for entry in library.entries(mode)]
-    table = TerrainRegions(context, feet, goal, TURN).table(True)
-    found = list(itertools.islice(candidates(entries, table, feet, goal, context.goal.radius), SHOWN))
+    table = TerrainRegions(context, feet, place, TURN).table(True)
+    found = list(itertools.islice(candidates(entries, table, feet, place, radius), SHOWN))
     if arguments.json:
-        print_json({"scene": arguments.what[0], "folder": str(library.path), "plans": [_facts(c) for c in found]})
+        rows = [_facts(c) for c in found]
+        facts = {"scene": arguments.what[0], "folder": str(library.path), "to": place.tolist(), "is_goal": is_last}
+        print_json({**facts, "plans": rows})
         return 0
+    if not is_last:
+        print(f"the way bends: plans for its first piece, to ({place[0]:.2f}, {place[1]:.2f})")
     if not found:
         print("no stored plan leads from the start towards the goal")
         return 0
