@@ -29,7 +29,7 @@ from scenes.scene import Scene
 MOST_SEEDS = 100
 DEADLINE = 20.0  # [s] of each query; Lin 2020 allowed 300
 SIZES = (20, 60, 200)  # plans of the smaller libraries
-DENSITIES = (9.0, 7.0, 5.0, 4.0, 3.0)  # quadrilaterals per square metre
+DENSITIES = (9.0, 5.0, 3.0, 2.5, 2.0, 1.5)  # quadrilaterals per square metre
 DENSITY_SEEDS = 20  # of each density; random numbers of their own
 OUT = Path("out")
 PICTURE = OUT / "experience.png"
