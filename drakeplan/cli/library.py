@@ -142,7 +142,7 @@ def _workers(campaign: object, arguments: Arguments) -> Workers:
 
 
 def _add(arguments: Arguments) -> int:
-    from drakeplan.experience.library import MANIFEST, Library
+    from drakeplan.experience.library import Library
     from drakeplan.experience.stored_plan import store_plan
     from drakeplan.plan.plan_file import read_plan
     from drakeplan.plan.robot_of_plan import RobotMark, find_robot
@@ -156,7 +156,7 @@ def _add(arguments: Arguments) -> int:
             stored.append((file, store_plan(plan)))
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
-    if not (Path(arguments.library) / MANIFEST).exists():
+    if not Library.is_at(arguments.library):
         Library.create(arguments.library, find_robot(RobotMark.of(plans[0][1])))
     library = Library(arguments.library)
     additions = [(file, library.add(plan)) for file, plan in stored]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenes.input_error import InputError
@@ -30,9 +29,9 @@ def open_library(folder: str, planner: str, robot: Robot) -> None:
         return
     if planner not in ADAPTING:
         raise InputError(f"--library: goes with --planner {' or '.join(ADAPTING)}, not with --planner {planner}")
-    from drakeplan.experience.library import MANIFEST, Library
+    from drakeplan.experience.library import Library
 
-    if planner == "parallel" and not (Path(folder) / MANIFEST).exists():
+    if planner == "parallel" and not Library.is_at(folder):
         Library.create(folder, robot)
         print(f"note: a new library is begun in {folder}", file=sys.stderr)
     with Library(folder, robot) as library:

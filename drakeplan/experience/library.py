@@ -113,6 +113,14 @@ class Library:
         self._index = self._open_index()
 
     @staticmethod
+    def is_at(path: str | Path) -> bool:
+        """Whether a library is there."""
+        try:
+            return (Path(path) / MANIFEST).exists()
+        except OSError:  # a name that no file can have
+            return False
+
+    @staticmethod
     def create(path: str | Path, robot: Robot, facts: dict[str, object] | None = None) -> Library:
         """Makes an empty library in a folder that is new or empty; opens the one that is there.
 
@@ -122,7 +130,7 @@ class Library:
             facts: how it is made, for the manifest of a new one.
         """
         path = Path(path)
-        if not (path / MANIFEST).exists():
+        if not Library.is_at(path):
             try:
                 (path / PLANS).mkdir(parents=True, exist_ok=True)
             except OSError as error:

@@ -244,9 +244,13 @@ def _arrays(plan: Plan) -> dict[str, object]:
 
 
 def _open_plan(path: Path) -> h5py.File:
-    if not path.exists():
+    try:
+        there, is_file = path.exists(), path.is_file()
+    except OSError as error:  # a name that no file can have
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    if not there:
         raise InputError(f"{path}: no such plan file")
-    if not path.is_file():
+    if not is_file:
         raise InputError(f"{path}: expected a plan file, this is not a file")
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes, a plan file has at most {MAX_BYTES}")

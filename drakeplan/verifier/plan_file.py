@@ -105,9 +105,13 @@ class PlanFile:
 
 
 def read_plan(path: Path) -> PlanFile:
-    if not path.is_file():
+    try:
+        size = path.stat().st_size if path.is_file() else None
+    except OSError as error:  # a name that no file can have
+        raise UnreadablePlan(f"{path}: cannot be read ({error.strerror})") from None
+    if size is None:
         raise UnreadablePlan(f"{path}: no such plan file")
-    if path.stat().st_size > MAX_FILE:
+    if size > MAX_FILE:
         raise UnreadablePlan(f"{path}: larger than {MAX_FILE} bytes, which no plan is")
     try:
         with h5py.File(path, "r") as file:

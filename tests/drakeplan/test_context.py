@@ -9,7 +9,7 @@ import pytest
 
 from drakeplan import context as module
 from drakeplan.context import QueryContext
-from drakeplan.query import planning
+from drakeplan.query import one_planner
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.query import Query
@@ -53,7 +53,7 @@ def test_a_second_attempt_packs_and_builds_nothing(made: Counter[str], monkeypat
         attempts.append(query.record.dynamics)
         return result if len(attempts) > 1 else type(result)("none", "made to fail", None, result.report)
 
-    monkeypatch.setattr(planning, "_load_kernels", lambda *_: None)  # a small scene of its own
+    monkeypatch.setattr(one_planner, "load_kernels", lambda *_: None)  # a small scene of its own
     monkeypatch.setattr(Query, "run", fails_at_first)
     result = plan_scene(load_scene("flat"), ROBOT, PlanOptions(goal=(0.5, 0.0), expansions=60, deadline=300.0))
     assert attempts == ["learned", "quasi-static"]

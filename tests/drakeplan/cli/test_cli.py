@@ -102,6 +102,17 @@ def test_a_mistake_gets_one_line_that_names_it_and_exit_2(
     assert named in one_line(capsys)
 
 
+@pytest.mark.parametrize(
+    "command", ["play", "verify", "simulate", "library add --library plans", "library list --library"]
+)
+def test_a_name_that_no_file_can_have_is_bad_input(
+    command: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([*command.split(), "n" * 300]) == 2
+    assert "File name too long" in one_line(capsys)
+
+
 def test_with_json_a_mistake_is_also_an_object(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "flatt", "--json"]) == 2
     said = capsys.readouterr()
