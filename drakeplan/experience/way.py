@@ -8,8 +8,9 @@ the guiding path that is as far away as the plan is long).
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
+from drakeplan.contact_planning.sequence_check import wrap
 from drakeplan.context import QueryContext
 
 NEIGHBOURS = 0.16  # [m] between neighbouring cells of the grid, diagonals included
@@ -29,12 +30,13 @@ def torso_way(context: QueryContext) -> np.ndarray:
         context: of the query.
     """
     start, goal = context.start.feet_mean(), np.array(context.goal.xyz)
-    heading = float(np.mean([c.heading for c in context.start.contacts[:2] if c is not None]))
-    known = context.torso_grid.distance(*start[:, None], np.array([heading]))
+    headings = [c.heading for c in context.start.contacts[:2] if c is not None]
+    heading = headings[0] + 0.5 * wrap(headings[-1] - headings[0])
+    known = context.torso_grid.distance(start[:1], start[1:2], start[2:], np.array([heading]))
     if not np.isfinite(known[0]):
         return np.array([start, goal])
     places, cost, over_ground = context.torso_grid.settled_places()
-    tree = cKDTree(places[:, :2])
+    tree = KDTree(places[:, :2])
     way, here = [start], start
     left = np.inf
     for _ in range(MOST_CELLS):
@@ -58,7 +60,7 @@ def _over_ground(way: np.ndarray, places: np.ndarray) -> np.ndarray:
     """
     if not len(way) or not len(places):
         return way
-    off, nearest = cKDTree(places).query(way)
+    off, nearest = KDTree(places).query(way)
     return np.where((off < LEANS)[:, None], places[nearest], way)
 
 
