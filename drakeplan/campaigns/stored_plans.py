@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 
 from drakeplan.campaigns.campaign import Row
-from drakeplan.experience.stored_plan import store_plan
+from drakeplan.experience.stored_plan import MODE_PALMS, store_plan
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from scenes.input_error import InputError
@@ -40,7 +40,6 @@ ROUND = (
     "all",
     "all",
 )  # palms are found less often
-PALMS = {"feet": (), "left_palm": (2,), "right_palm": (3,), "all": (2, 3)}  # indices into `EFFECTORS`
 NO_CLOCK = 300.0  # [s] deadline of a query that a budget of expansions ends
 SCHEMA = pa.schema(
     [
@@ -111,7 +110,7 @@ class PlansCampaign:
             dynamics="quasi-static",
             friction=self.friction,
             use_palms=mode != "feet",
-            lean_on=PALMS[mode],
+            lean_on=MODE_PALMS[mode],
             expansions=self.expansions,
             deadline=NO_CLOCK,
         )

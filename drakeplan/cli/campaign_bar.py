@@ -1,14 +1,73 @@
-"""The progress bar of a campaign on standard error."""
+"""A campaign run from the command line: workers, a progress bar on standard error, and what is said when it is stopped."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-    from drakeplan.campaigns.engine import CampaignProgress
+    from drakeplan.campaigns.campaign import Campaign
+    from drakeplan.campaigns.card import Card
+    from drakeplan.campaigns.engine import CampaignProgress, CollectOptions
+    from drakeplan.campaigns.workers import Workers
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Who does the work.
+
+    Attributes:
+        workers: processes on this machine.
+        cluster: address of a dask scheduler whose workers are used instead; None for none.
+        task_timeout: time limit of one environment [s].
+    """
+
+    workers: int
+    cluster: str | None
+    task_timeout: float
+
+    def start(self, campaign: Campaign) -> Workers:
+        """The workers, started."""
+        if self.cluster is not None:
+            from drakeplan.campaigns.cluster import ClusterWorkers
+
+            return ClusterWorkers(campaign, self.cluster, task_timeout=self.task_timeout)
+        from drakeplan.campaigns.workers import LocalWorkers
+
+        return LocalWorkers(campaign, self.workers, task_timeout=self.task_timeout)
+
+
+def collect_aloud(
+    campaign: Campaign, folder: str, options: CollectOptions, crew: Crew, *, rows: str, resume: bool
+) -> Card:
+    """Collects a campaign with a progress bar; its card.
+
+    Args:
+        campaign: what to collect.
+        folder: where to.
+        options: how much of it.
+        crew: who does the work.
+        rows: what its rows are called.
+        resume: whether to go on with what the folder holds.
+    """
+    from drakeplan.campaigns.engine import collect
+
+    bar = CampaignBar(options.tasks, rows)
+    try:
+        workers = crew.start(campaign)
+        try:
+            return collect(campaign, folder, options, workers, resume=resume, listener=bar)
+        finally:
+            workers.close()
+    except KeyboardInterrupt:
+        bar.close()
+        print(f"stopped; --resume goes on from the whole shards in {folder}", file=sys.stderr)
+        raise
+    finally:
+        bar.close()
 
 
 class CampaignBar:

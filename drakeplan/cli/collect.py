@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +13,6 @@ from scenes.input_error import InputError, unknown_name
 if TYPE_CHECKING:
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
-    from drakeplan.campaigns.workers import Workers
 
 CAMPAIGNS = {"dynamics": "what the centroidal program says of contact transitions, in random tilted environments"}
 NAMES = "\n".join(f"  {name:<9}  {about}" for name, about in CAMPAIGNS.items())
@@ -66,24 +64,12 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Collects, with a progress bar, and says what came out."""
     _check(arguments)
-    from drakeplan.campaigns.engine import CollectOptions, collect
-    from drakeplan.cli.campaign_bar import CampaignBar
+    from drakeplan.campaigns.engine import CollectOptions
+    from drakeplan.cli.campaign_bar import Crew, collect_aloud
 
-    campaign = _campaign(arguments)
     options = CollectOptions(arguments.count, arguments.seed)
-    bar = CampaignBar(arguments.count, "labels")
-    try:
-        workers = _workers(campaign, arguments)
-        try:
-            card = collect(campaign, arguments.out, options, workers, resume=arguments.resume, listener=bar)
-        finally:
-            workers.close()
-    except KeyboardInterrupt:
-        bar.close()
-        print(f"stopped; --resume goes on from the whole shards in {arguments.out}", file=sys.stderr)
-        raise
-    finally:
-        bar.close()
+    crew = Crew(arguments.workers, arguments.cluster, arguments.task_timeout)
+    card = collect_aloud(_campaign(arguments), arguments.out, options, crew, rows="labels", resume=arguments.resume)
     _report(card, arguments)
     return 0
 
@@ -110,16 +96,6 @@ def _campaign(arguments: Arguments) -> DynamicsCampaign:
 
     packages = tuple((name, str(folder)) for name, folder in read_packages(arguments.package).items())
     return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
-
-
-def _workers(campaign: DynamicsCampaign, arguments: Arguments) -> Workers:
-    if arguments.cluster is not None:
-        from drakeplan.campaigns.cluster import ClusterWorkers
-
-        return ClusterWorkers(campaign, arguments.cluster, task_timeout=arguments.task_timeout)
-    from drakeplan.campaigns.workers import LocalWorkers
-
-    return LocalWorkers(campaign, arguments.workers, task_timeout=arguments.task_timeout)
 
 
 def _report(card: Card, arguments: Arguments) -> None:

@@ -14,7 +14,6 @@ from drakeplan.cli.arguments import Packages
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
-    from drakeplan.campaigns.workers import Workers
     from drakeplan.experience.library import Library
     from drakeplan.experience.retrieval import Candidate
 
@@ -33,7 +32,8 @@ examples:
   drakeplan library add plan.h5 other.h5 --library plans
   drakeplan library list --library plans
   drakeplan library match random_surfaces --seed 3"""
-SHOWN = 10
+SHOWN = 10  # plans that match prints
+TASK_TIMEOUT = 1200.0  # [s] of one environment
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ def run(arguments: Arguments) -> int:
 
 
 def _build(arguments: Arguments) -> int:
-    from drakeplan.campaigns.engine import CollectOptions, collect
+    from drakeplan.campaigns.engine import CollectOptions
     from drakeplan.campaigns.library_build import add_campaign
     from drakeplan.campaigns.stored_plans import PlansCampaign
-    from drakeplan.cli.campaign_bar import CampaignBar
+    from drakeplan.cli.campaign_bar import Crew, collect_aloud
     from drakeplan.experience.library import Library
     from drakeplan.query.options import MOST_FRICTION
     from scenes.robots.addresses import read_packages
@@ -103,21 +103,10 @@ def _build(arguments: Arguments) -> int:
     campaign = PlansCampaign(
         arguments.robot, arguments.friction, packages=tuple((n, str(folder)) for n, folder in packages.items())
     )
-    folder = Path(arguments.library) / "campaign"
-    bar = CampaignBar(arguments.count, "plans")
-    try:
-        workers = _workers(campaign, arguments)
-        try:
-            options = CollectOptions(arguments.count, arguments.seed)
-            card = collect(campaign, folder, options, workers, resume=arguments.resume, listener=bar)
-        finally:
-            workers.close()
-    except KeyboardInterrupt:
-        bar.close()
-        print(f"stopped; --resume goes on from what is in {folder}", file=sys.stderr)
-        raise
-    finally:
-        bar.close()
+    folder = str(Path(arguments.library) / "campaign")
+    options = CollectOptions(arguments.count, arguments.seed)
+    crew = Crew(arguments.workers, arguments.cluster, TASK_TIMEOUT)
+    card = collect_aloud(campaign, folder, options, crew, rows="plans", resume=arguments.resume)
     report = add_campaign(library, folder, card, arguments.most)
     if arguments.json:
         from drakeplan.cli.output import print_json
@@ -129,16 +118,6 @@ def _build(arguments: Arguments) -> int:
               + (f"; {report.spare} not needed" if report.spare else ""))  # fmt: skip
         _print_modes(library)
     return 0
-
-
-def _workers(campaign: object, arguments: Arguments) -> Workers:
-    if arguments.cluster is not None:
-        from drakeplan.campaigns.cluster import ClusterWorkers
-
-        return ClusterWorkers(campaign, arguments.cluster, task_timeout=1200.0)  # type: ignore[arg-type]
-    from drakeplan.campaigns.workers import LocalWorkers
-
-    return LocalWorkers(campaign, arguments.workers, task_timeout=1200.0)  # type: ignore[arg-type]
 
 
 def _add(arguments: Arguments) -> int:

@@ -69,6 +69,12 @@ class SequenceCheck:
         return self._numbers[contact]
 
 
+def feet_heading(stance: Stance) -> float:
+    """The heading halfway between those of the feet, along the shorter way round [rad]."""
+    feet = [c.heading for c in stance.contacts[:2] if c is not None]
+    return feet[0] + 0.5 * wrap(feet[-1] - feet[0])
+
+
 def wrap(angle: float) -> float:
     """The angle in [-pi, pi) [rad]."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

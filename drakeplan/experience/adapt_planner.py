@@ -21,7 +21,7 @@ import numpy as np
 from drakeplan.contact_planning.contact_domain import is_at_goal
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
 from drakeplan.contact_planning.planner import ContactPlanner
-from drakeplan.contact_planning.sequence_check import SequenceCheck, wrap
+from drakeplan.contact_planning.sequence_check import SequenceCheck, feet_heading
 from drakeplan.context import QueryContext
 from drakeplan.experience import strip_setup
 from drakeplan.experience.alignment import RegionTable, align
@@ -241,9 +241,7 @@ class AdaptPlanner:
         failed = self._check.why_it_fails(stances)
         self._failures.update({reason for _, reason in failed})
         bad = [k for k, _ in failed]
-        feet = [c for c in stances[-1].contacts[:2] if c is not None]
-        yaw = feet[0].heading + 0.5 * wrap(feet[1].heading - feet[0].heading)
-        if arrives and not is_at_goal(self.context.goal, stances[-1].feet_mean(), yaw):
+        if arrives and not is_at_goal(self.context.goal, stances[-1].feet_mean(), feet_heading(stances[-1])):
             self._failures["goal"] += 1
             bad.append(len(stances) - 2)
         return sorted(set(bad))

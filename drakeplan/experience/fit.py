@@ -22,7 +22,7 @@ from drakeplan.experience.key_motion import KeyMotion
 from drakeplan.experience.strip_setup import Choice, Sampling, contact_choices, make_problem, settle
 from drakeplan.experience.terrain_regions import TerrainRegions
 from optimization.balance.friction import FrictionCone
-from optimization.elastic_strip.problem import CONTACT, Gathering, StripEstimate, StripOptions, StripProblem
+from optimization.elastic_strip.problem import CONTACT, Gathering, StripEstimate, StripOptions
 from optimization.elastic_strip.program import ElasticStrip
 from scenes.contact import Contact
 from scenes.footholds.contact_regions import ContactRegions
@@ -112,16 +112,13 @@ class Fit:
             seconds: of processor time at most.
         """
         self._tried.add(_places(self._chosen))
-        problem = self._problem = self.make_problem()
+        problem = make_problem(self.motion, self._chosen, self._gatherings, balanced=self._balanced)
+        self._held = problem.held
         options = replace(self._options, time_limit=min(self._options.time_limit, seconds))
         model = self.context.ik.model
         kinematics, packed = self.context.ik.kinematics, self.context.packed
         self.strip = ElasticStrip(self.context.robot, kinematics, model.capsules, packed, problem, options).solve()
         return self.strip
-
-    def make_problem(self) -> StripProblem:
-        """The elastic strip's problem for the regions chosen now."""
-        return make_problem(self.motion, self._chosen, self._gatherings, balanced=self._balanced)
 
     def stances(self) -> list[Stance]:
         """The contact sequence that the last strip came to."""
@@ -212,7 +209,7 @@ class Fit:
             weight = fault.value / fault.limit / worst
             if fault.task == CONTACT:
                 blamed[fault.contact] = max(blamed.get(fault.contact, 0.0), weight)
-            for c in self._problem.held[fault.configuration] if fault.configuration >= 0 else ():
+            for c in self._held[fault.configuration] if fault.configuration >= 0 else ():
                 if c >= 0:
                     blamed[int(c)] = max(blamed.get(int(c), 0.0), BYSTANDER * weight)
         return blamed

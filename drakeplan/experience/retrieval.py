@@ -11,7 +11,7 @@ from drakeplan.context import QueryContext
 from drakeplan.experience.alignment import Alignment, RegionTable, align
 from drakeplan.experience.library import Entry, clusters
 from drakeplan.experience.plan_distance import PlanBatch
-from drakeplan.experience.stored_plan import MODES, Outline, plan_pose
+from drakeplan.experience.stored_plan import MODE_PALMS, MODES, Outline, plan_pose
 
 # [m] added to the distance for each palm that a plan uses: its motion takes two to five times as long to make
 PALM_COST = 0.03
@@ -46,8 +46,7 @@ def usable_modes(context: QueryContext, use_palms: bool) -> tuple[str, ...]:
         use_palms: whether palms may be used at all.
     """
     usable = set(context.usable_palms) if use_palms else set()
-    needs: dict[str, set[int]] = {"feet": set(), "left_palm": {2}, "right_palm": {3}, "all": {2, 3}}
-    return tuple(mode for mode in MODES if needs[mode] <= usable)
+    return tuple(mode for mode, palms in MODE_PALMS.items() if usable.issuperset(palms))
 
 
 def candidates(
@@ -74,7 +73,7 @@ def candidates(
     groups = [group for group in groups if group]
     first = [group[0] for group in groups]  # the representative, or whoever comes first of those that lead far enough
     ranked = _lay([entries[k] for k in first], ends[first], regions, feet, towards[first], radius)
-    palms = np.array([_palms(entry) for entry in entries])
+    palms = np.array([len(MODE_PALMS[entry.mode]) for entry in entries])
     for g in np.argsort(ranked.mean + PALM_COST * palms[first], kind="stable"):
         if not np.isfinite(ranked.mean[g]):
             return
@@ -85,11 +84,6 @@ def candidates(
                 pose, k = laid.pose[i], group[i]
                 X_WL = plan_pose(pose[:3], float(pose[3]))
                 yield Candidate(entries[k], int(ends[k]), reaches, X_WL, float(laid.mean[i]), float(laid.worst[i]))
-
-
-def _palms(entry: Entry) -> int:
-    """How many palms the plan uses."""
-    return {"feet": 0, "left_palm": 1, "right_palm": 1, "all": 2}[entry.mode]
 
 
 def _clusters_of_modes(entries: Sequence[Entry]) -> list[list[int]]:

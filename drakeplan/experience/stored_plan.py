@@ -25,7 +25,9 @@ from scenes.input_error import InputError
 FORMAT, VERSION = "drakeplan-stored-plan", 1
 ABOUT = "drakeplan"  # the entry of the file's metadata that holds a JSON object
 SUFFIX = ".safetensors"
-MODES = ("feet", "left_palm", "right_palm", "all")  # motion modes: which palms a plan uses beside the feet
+# motion modes: which palms a plan uses beside the feet, indices into `EFFECTORS`
+MODE_PALMS: dict[str, tuple[int, ...]] = {"feet": (), "left_palm": (2,), "right_palm": (3,), "all": (2, 3)}
+MODES = tuple(MODE_PALMS)
 SHORTEST = 0.3  # [m] a plan of less has no direction
 MAX_BYTES = 1 << 22  # a file larger than this is no stored plan
 ROUNDING = 1e-6  # [m] by which a stance may fall back and still count as a new end
@@ -106,8 +108,8 @@ class StoredPlan:
     @property
     def mode(self) -> str:
         """The motion mode: which palms it uses."""
-        used = set(self.outline.effector.tolist())
-        return MODES[(2 in used) + 2 * (3 in used)]
+        used = tuple(sorted({2, 3} & set(self.outline.effector.tolist())))
+        return next(mode for mode, palms in MODE_PALMS.items() if palms == used)
 
     @property
     def name(self) -> str:

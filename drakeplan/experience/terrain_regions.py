@@ -13,11 +13,8 @@ from scenes.effector import EFFECTORS, is_foot
 from scenes.footholds.contact_regions import ContactRegions, cover_terrain
 from scenes.terrain.packed_terrain import near
 
-NARROW, FINE, COARSE = (
-    0.8,
-    0.01,
-    0.04,
-)  # [m] extent up to which samples get as fine as documented, and how fine they get
+NARROW = 0.8  # [m] extent of a surface up to which samples get as fine as documented
+FINE, COARSE = 0.01, 0.04  # [m] how fine samples get on narrow surfaces and on others
 SMALL = 3.0  # [m] greatest extent of a surface that is covered whole
 BESIDE = 1.2  # [m] how far from the straight way, and beyond its ends, contacts are looked for
 TURN = 0.06  # [rad] that a foot may turn about its normal, to either side

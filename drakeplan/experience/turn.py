@@ -8,7 +8,7 @@ import numpy as np
 
 from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
-from drakeplan.contact_planning.sequence_check import wrap
+from drakeplan.contact_planning.sequence_check import feet_heading, wrap
 from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import Limits
 from scenes.scene import Goal
@@ -28,12 +28,9 @@ def turn_towards(context: QueryContext, stances: tuple[Stance, ...], place: np.n
         place: (3,) that the feet shall be turned to [m].
     """
     last = stances[-1]
-    left, right = last.contacts[:2]
-    if left is None or right is None:
-        return stances
     ahead = place[:2] - last.feet_mean()[:2]
     heading = float(np.arctan2(ahead[1], ahead[0]))
-    if abs(wrap(heading - left.heading - 0.5 * wrap(right.heading - left.heading))) <= SHARP:
+    if abs(wrap(heading - feet_heading(last))) <= SHARP:
         return stances
     for e in (2, 3):
         if last.contacts[e] is not None:

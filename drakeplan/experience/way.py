@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from drakeplan.contact_planning.sequence_check import wrap
+from drakeplan.contact_planning.sequence_check import feet_heading
 from drakeplan.context import QueryContext
 
 NEIGHBOURS = 0.16  # [m] between neighbouring cells of the grid, diagonals included
@@ -30,9 +30,8 @@ def torso_way(context: QueryContext) -> np.ndarray:
         context: of the query.
     """
     start, goal = context.start.feet_mean(), np.array(context.goal.xyz)
-    headings = [c.heading for c in context.start.contacts[:2] if c is not None]
-    heading = headings[0] + 0.5 * wrap(headings[-1] - headings[0])
-    known = context.torso_grid.distance(start[:1], start[1:2], start[2:], np.array([heading]))
+    heading = np.array([feet_heading(context.start)])
+    known = context.torso_grid.distance(start[:1], start[1:2], start[2:], heading)
     if not np.isfinite(known[0]):
         return np.array([start, goal])
     places, cost, over_ground = context.torso_grid.settled_places()

@@ -27,7 +27,6 @@ from scenes.robots.robot import Robot
 from scenes.scene import Scene
 
 PLANNERS = ("search", "adapt")  # the search's answer counts where neither has a plan
-RANK = ("none", "contacts", "complete")
 GRACE = 0.45  # [s] that a helper may be late
 TICK = 0.05  # [s] between looks at whether the user wants to stop
 PR_SET_PDEATHSIG = 1  # of Linux' prctl: a child does not outlive its parent
@@ -156,7 +155,7 @@ def _chosen(answers: dict[str, PlanResult | InputError]) -> PlanResult:
                 raise refused
         reason = "neither the search nor an adapted plan came to an answer in time"
         return PlanResult("none", reason, None, QueryRecord().as_dict("none", reason, None))
-    best = max(results, key=lambda name: RANK.index(results[name].status))
+    best = max(results, key=lambda name: results[name].rank)
     result, notes = results[best], []
     if result.status == "complete":
         notes.append(f"the plan is that of {best}, which was the first")

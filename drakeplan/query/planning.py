@@ -15,7 +15,6 @@ from scenes.robots.robot import Robot
 from scenes.scene import Scene
 
 ADAPT_SHARE = 0.5  # of the deadline for adapting stored plans, before the search begins
-RANK = ("none", "contacts", "complete")
 
 
 def plan_scene(
@@ -52,6 +51,6 @@ def _adapt_then_search(scene: Scene, robot: Robot, options: PlanOptions, tell: P
     note = f"no stored plan became a verified one ({adapted.reason}); planned with the search"
     tell(ProgressEvent("search", note))
     searched = plan_with_one(scene, robot, dataclasses.replace(options, planner="search", used=used), tell)
-    best = adapted if RANK.index(adapted.status) > RANK.index(searched.status) else searched
+    best = adapted if adapted.rank > searched.rank else searched
     notes = (*adapted.notes, note, *(line for line in searched.notes if line not in adapted.notes))
     return dataclasses.replace(best, notes=notes, report={**best.report, "notes": list(notes)})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from drakeplan.contact_planning.reachability import UNREACHABLE
 from drakeplan.plan.plan import Plan
@@ -11,7 +11,7 @@ from drakeplan.query.explanation import Explanation
 from drakeplan.query.refusal import Refusal
 from drakeplan.verifier import Report
 
-Status = Literal["complete", "contacts", "none"]
+Status = Literal["none", "contacts", "complete"]  # in ascending order
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,11 @@ class PlanResult:
     notes: tuple[str, ...] = ()
     refusal: Refusal | None = None
     explanation: Explanation | None = None
+
+    @property
+    def rank(self) -> int:
+        """The more, the better: 0 for nothing, 1 for contacts, 2 for a verified plan."""
+        return get_args(Status).index(self.status)
 
     @property
     def hopeless(self) -> bool:

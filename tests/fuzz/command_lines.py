@@ -167,11 +167,11 @@ def _values(rng: Random, kind: object, choices: tuple[str, ...]) -> list[str]:
 def use_stand_ins() -> None:
     """Puts quick work in place of planning, benchmarks and campaigns."""
     import drakeplan.query.planning
-    from drakeplan.cli import bench, collect
+    from drakeplan.cli import bench, campaign_bar
 
     drakeplan.query.planning.plan_scene = _no_plan
     bench._run_one = lambda name, arguments, page: ()
-    collect._workers = _no_workers
+    campaign_bar.Crew.start = _no_workers
 
 
 def _no_plan(scene, robot, options, progress=None):
@@ -189,8 +189,8 @@ def _no_plan(scene, robot, options, progress=None):
     return PlanResult("none", "not looked for", None, {"status": "none", "reason": "not looked for", "cost": np.nan})
 
 
-def _no_workers(campaign, arguments):
-    raise InputError(f"{arguments.out}: no workers here")
+def _no_workers(crew, campaign):
+    raise InputError("no workers here")
 
 
 def read(path: Path) -> None:
