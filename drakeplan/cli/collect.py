@@ -13,14 +13,20 @@ from scenes.input_error import InputError, unknown_name
 if TYPE_CHECKING:
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
+    from drakeplan.campaigns.traversability import TraversabilityCampaign
 
-CAMPAIGNS = {"dynamics": "what the centroidal program says of contact transitions, in random tilted environments"}
-NAMES = "\n".join(f"  {name:<9}  {about}" for name, about in CAMPAIGNS.items())
+CAMPAIGNS = {
+    "dynamics": "what the centroidal program says of contact transitions, in random tilted environments",
+    "traversability": "from how many pairs of feet about a torso pose the search steps on, in such environments",
+}
+NAMES = "\n".join(f"  {name:<14}  {about}" for name, about in CAMPAIGNS.items())
 ABOUT = f"""Gathers training data for surrogates into a folder of Parquet shards.
 
 The same seed gives the same rows for any number of workers. A killed campaign continues with --resume; its files are
-the same bit for bit. An environment gives up to 20 labels of each transition category, about 155 in total, in some seconds of
-work; 1700 give 20 000 of each. A larger --count with --resume adds to what is there.
+the same bit for bit. A larger --count with --resume adds to what is there.
+
+dynamics: an environment gives up to 20 labels of each transition category, about 155 in total, in some seconds of work; 1700
+give 20 000 of each. traversability: one gives 144 labels of each motion mode in half a second; 140 give 20 000 of each.
 
 campaigns:
 {NAMES}
@@ -28,7 +34,8 @@ campaigns:
 examples:
   drakeplan collect dynamics --count 4 --out labels
   drakeplan collect dynamics --count 1700 --out labels --workers 2 --resume
-  drakeplan collect dynamics --count 8500 --out labels --cluster tcp://head:8786"""
+  drakeplan collect dynamics --count 8500 --out labels --cluster tcp://head:8786
+  drakeplan collect traversability --count 1500 --out footsteps --workers 2"""
 
 
 @dataclass(frozen=True)
@@ -90,12 +97,14 @@ def _check(arguments: Arguments) -> None:
         raise InputError(f"--task-timeout: expected more than 0, got {arguments.task_timeout:g}")
 
 
-def _campaign(arguments: Arguments) -> DynamicsCampaign:
+def _campaign(arguments: Arguments) -> DynamicsCampaign | TraversabilityCampaign:
     from drakeplan.campaigns.dynamics import DynamicsCampaign
+    from drakeplan.campaigns.traversability import TraversabilityCampaign
     from scenes.robots.addresses import read_packages
 
     packages = tuple((name, str(folder)) for name, folder in read_packages(arguments.package).items())
-    return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
+    kind = DynamicsCampaign if arguments.campaign == "dynamics" else TraversabilityCampaign
+    return kind(robot=arguments.robot, friction=arguments.friction, packages=packages)
 
 
 def _report(card: Card, arguments: Arguments) -> None:
@@ -106,8 +115,9 @@ def _report(card: Card, arguments: Arguments) -> None:
 
         print_json({"status": "collected", "folder": arguments.out, **asdict(card)})
         return
-    from drakeplan.campaigns.dynamics import counts_text
+    from drakeplan.campaigns import dynamics, traversability
 
+    counts_text = dynamics.counts_text if arguments.campaign == "dynamics" else traversability.counts_text
     print(counts_text(card))
     print(f"{card.rows} labels of {card.tasks} environments in {arguments.out}, {len(card.quarantined)} in quarantine")
     print(f"sha256 {card.sha256}")

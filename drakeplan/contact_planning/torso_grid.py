@@ -181,6 +181,11 @@ class TorsoGrid:
                 return out
             self._enlarge()
 
+    def grow(self, farthest: float) -> None:
+        """Settles every cell from which the goal is this near [m], beyond those that were asked for."""
+        while not _grow_until(self._packed, self._wave, -1, farthest):
+            self._enlarge()
+
     def _settled(self) -> np.ndarray:
         """(n,) the nodes that the wave has settled."""
         return np.flatnonzero(self._wave.place[: int(self._wave.ground.count[0]) * TURNS] == SETTLED)
@@ -316,8 +321,10 @@ def _seed_level(packed: PackedTerrain, wave: _Wave, level: int, goal_yaw: float)
 
 
 @njit(cache=True)
-def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
-    """Dijkstra from the goal until the target is settled or the wave has nowhere left to go; False: no room for more.
+def _grow_until(packed: PackedTerrain, wave: _Wave, target: int, farthest: float) -> bool:
+    """Dijkstra from the goal until the target is settled, all nodes within a distance are, or none is left; False: no room.
+
+    No node has to be named: -1.
 
     Functions that take whole terrains are called only for what is new: passing one costs more than a node.
     """
@@ -326,7 +333,7 @@ def _grow_until(packed: PackedTerrain, wave: _Wave, target: int) -> bool:
     nx, ny = first.shape
     turn = wave.turn_cost * 2 * np.pi / TURNS
     nodes, edges = np.empty(9 * MOST_LEVELS, np.int64), np.empty(9 * MOST_LEVELS)
-    while wave.size[0] > 0 and place[target] != SETTLED:
+    while wave.size[0] > 0 and (target < 0 or place[target] != SETTLED) and cost[wave.heap[0]] <= farthest:
         if ground.count[0] + wave.reserve > height.shape[0]:
             return False
         s = pop(wave.heap, place, cost, wave.size)
@@ -409,7 +416,7 @@ def _query(
                     place[s] == UNSEEN and wave.clear[level] != 1 and _free(packed, wave, level, t) == TAKEN
                 ):  # never worth growing the wave for
                     place[s] = BLOCKED
-                if place[s] != SETTLED and place[s] != BLOCKED and not _grow_until(packed, wave, s):
+                if place[s] != SETTLED and place[s] != BLOCKED and not _grow_until(packed, wave, s, np.inf):
                     return k
                 w = (u - i0 if a else i0 + 1 - u) * (v - j0 if b else j0 + 1 - v)
                 if place[s] == SETTLED:

@@ -281,6 +281,45 @@ def project_feet(
 
 
 @njit(cache=True)
+def cast_ray(
+    packed: PackedTerrain,
+    effector: int,
+    origin: np.ndarray,
+    ray: np.ndarray,
+    reach: tuple[float, float],
+    around: np.ndarray,
+) -> tuple[int, float]:
+    """The surface that a ray meets first, where an end effector may touch it, else -1; and how far away that is [m].
+
+    Args:
+        packed: the terrain.
+        effector: index into `EFFECTORS`.
+        origin: (3,) of the ray in W [m].
+        ray: (3,) unit vector in W.
+        reach: least and greatest distance of a contact point [m].
+        around: (m,) polygons that the ray may meet, ascending.
+    """
+    surface, nearest = -1, reach[1]
+    for q in range(around.shape[0]):
+        k = around[q]
+        n = packed.normal[k]
+        along = n[0] * ray[0] + n[1] * ray[1] + n[2] * ray[2]
+        if abs(along) < 1e-6:
+            continue
+        t = (packed.offset[k] - n[0] * origin[0] - n[1] * origin[1] - n[2] * origin[2]) / along
+        if t <= 0 or t >= nearest + (1e-6 if k < packed.num_surfaces else -1e-6):
+            continue
+        x, y, z = origin[0] + t * ray[0], origin[1] + t * ray[1], origin[2] + t * ray[2]
+        if over_polygon(packed, k, x, y, z, 0.0):
+            if k >= packed.num_surfaces and surface >= 0 and t > nearest - 1e-4:
+                continue  # the mesh face that this surface lies on
+            nearest = t
+            usable = k < packed.num_surfaces and packed.allowed[k, effector] and along < -0.2
+            surface = k if usable and t >= reach[0] else -1
+    return surface, nearest
+
+
+@njit(cache=True)
 def project_palms(
     packed: PackedTerrain,
     effector: int,
@@ -312,24 +351,7 @@ def project_palms(
         packed, origin[0] - reach_high, origin[1] - reach_high, origin[0] + reach_high, origin[1] + reach_high
     )
     for m in range(rays.shape[0]):
-        surface[m] = -1
-        nearest = reach_high
-        for q in range(around.shape[0]):
-            k = around[q]
-            n = packed.normal[k]
-            along = n[0] * rays[m, 0] + n[1] * rays[m, 1] + n[2] * rays[m, 2]
-            if abs(along) < 1e-6:
-                continue
-            t = (packed.offset[k] - n[0] * origin[0] - n[1] * origin[1] - n[2] * origin[2]) / along
-            if t <= 0 or t >= nearest + (1e-6 if k < packed.num_surfaces else -1e-6):
-                continue
-            x, y, z = origin[0] + t * rays[m, 0], origin[1] + t * rays[m, 1], origin[2] + t * rays[m, 2]
-            if over_polygon(packed, k, x, y, z, 0.0):
-                if k >= packed.num_surfaces and surface[m] >= 0 and t > nearest - 1e-4:
-                    continue  # the mesh face that this surface lies on
-                nearest = t
-                usable = k < packed.num_surfaces and packed.allowed[k, effector] and along < -0.2
-                surface[m] = k if usable and t >= reach_low else -1
+        surface[m], nearest = cast_ray(packed, effector, origin, rays[m], (reach_low, reach_high), around)
         if surface[m] < 0:
             continue
         k = surface[m]
