@@ -21,18 +21,22 @@ if TYPE_CHECKING:
 
 ABOUT = """Trains surrogates: networks that predict in microseconds what a program computes in milliseconds.
 
-SURROGATE is `dynamics`: feasibility, objective, final CoM and velocity of a contact transition (Lin et al. 2019).
+SURROGATE is one of
+  dynamics        feasibility, objective, final CoM and velocity of a contact transition (Lin et al. 2019); needs torch
+  traversability  how many footsteps lead on from a torso pose (Lin & Berenson 2017): ours, and the documents' four regressors
 The data come from `drakeplan collect`. Whole scenes are held out; the table reports errors on scenes that were not used in training.
 
-A training that was killed goes on from its last epoch when the same command is given again, and the same data, options
-and seed give the same bytes on a CPU.
+A training of dynamics that was killed goes on from its last epoch when the same command is given again, and the same data,
+options and seed give the same bytes on a CPU. Traversability takes 10 s; of the options it knows --data, --out, --robot,
+--package, --seed and --json.
 
 examples:
   drakeplan train dynamics --data labels --out weights
   drakeplan train dynamics --data labels --out weights --kind documented --json
-  drakeplan train dynamics --data labels --out curve --learning-curve --epochs 10"""
+  drakeplan train dynamics --data labels --out curve --learning-curve --epochs 10
+  drakeplan train traversability --data footsteps --out weights"""
 
-SURROGATES = ("dynamics",)
+SURROGATES = ("dynamics", "traversability")
 QUIET = 0.5  # [s] between lines on a terminal
 
 
@@ -41,7 +45,7 @@ class Arguments:
     """Arguments of `drakeplan train`."""
 
     surrogate: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SURROGATE")]
-    """which one: dynamics"""
+    """which one: dynamics or traversability"""
     data: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
     """folder of shards that `drakeplan collect` wrote"""
     out: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
@@ -80,6 +84,11 @@ def run(arguments: Arguments) -> int:
     out = Path(arguments.out)
     if not os.access(next(folder for folder in (out, *out.absolute().parents) if folder.exists()), os.W_OK):
         raise InputError(f"--out {arguments.out}: cannot be written")
+    if arguments.surrogate == "traversability":
+        from drakeplan.cli.train_traversability import run_traversability
+
+        packages, seed = tuple(arguments.package), arguments.seed
+        return run_traversability(arguments.data, arguments.out, arguments.robot, packages, seed, arguments.json)
     if find_spec("torch") is None:
         raise InputError("drakeplan train needs torch: pip install 'drakeplan[train]'")
     from learning.labelled_transitions import read_labels

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -43,7 +44,16 @@ NEAR_WHOLE = 0.3  # [m] a foot rests on part of itself only where no candidate n
 DETOUR = 0.2  # [m] that the search rather goes round than to stand on part of a sole: whole ones carry more
 LEAST_WAY = 0.05  # [m] where no usual step brings the feet this much nearer to the goal, longer ones are tried
 PLACE = 0.1  # [m] means of the feet nearer than this are one place
+ON_A_GRID = ("grid", "traversability")  # heuristics that follow the torso round what is in its way
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
+
+
+class DistanceToGo(Protocol):
+    """Distances of the torso to the goal, as `TorsoGrid` gives them."""
+
+    def distance(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+        """(n,) distances [m]; see `TorsoGrid.distance`."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -80,7 +90,7 @@ class ContactDomain:
         check: TransitionCheck,
         options: PlannerOptions,
         weights: PlannerWeights,
-        grid: TorsoGrid | None = None,
+        grid: DistanceToGo | None = None,
         start_heading: float = 0.0,
     ) -> None:
         """Prepares the domain.
@@ -93,7 +103,7 @@ class ContactDomain:
             options: heuristic, palms, transition model; with dynamics other than quasi-static a foot may be lifted where
                 the rest cannot carry the weight.
             weights: of the edge cost (Lin 2020 eq. 3.2).
-            grid: of this terrain, robot and goal, where there is one already.
+            grid: distances on this terrain to this goal, where there are some already.
             start_heading: of the feet at the start [rad]; snapped feet turn by multiples of 5 deg from it.
         """
         self.packed, self.robot, self.goal, self.weights = packed, robot, goal, weights
@@ -102,7 +112,7 @@ class ContactDomain:
         self.rejections: Counter[str] = Counter()
         self._forbidden: set[tuple[int, ...]] = set()
         self._blamed: list[int] = []
-        self.grid = grid or TorsoGrid(packed, robot, goal)
+        self.grid: DistanceToGo = grid or TorsoGrid(packed, robot, goal)
         self.beyond_grid = False
         self.full_soles, self.least_support = False, 0.0
         self._models = [options.model.mirrored(True), options.model.mirrored(False)]
@@ -122,8 +132,7 @@ class ContactDomain:
         self._shoulder, self._hip = np.array(robot.shoulder), np.array(robot.hip)
         self._goal_xy = np.array(goal.xyz[:2])
         self.max_travel = options.longest_travel(robot)
-        # A foot that translates by d moves the mean of the feet by d / 2.
-        self._per_metre = 2.0 + 2.0 * weights.step / self.max_travel
+        self._per_metre = cost_per_metre(weights, self.max_travel)
 
     # Search protocol -------------------------------------------------------------------------------------------
 
@@ -150,7 +159,7 @@ class ContactDomain:
     def distance_to_go(self, states: Sequence[State]) -> np.ndarray:
         """(n,) distance to the goal of the mean of the feet, as the chosen heuristic measures it [m]."""
         distance = self._distance(*self._feet(states))
-        if self.pool.supports and self._heuristic_name == "grid":
+        if self.pool.supports and self._heuristic_name in ON_A_GRID:
             distance += DETOUR * self.pool.on_part[np.array([s[:2] for s in states])].sum(axis=1)
         return distance
 
@@ -397,6 +406,16 @@ class ContactDomain:
         x, y, z = self._shoulder * [1.0, 1.0 if side == 0 else -1.0, 1.0]
         c, s = np.cos(yaw), np.sin(yaw)
         return mean + np.column_stack([c * x - s * y, s * x + c * y, np.full(len(c), z)])
+
+
+def cost_per_metre(weights: PlannerWeights, max_travel: float) -> float:
+    """What a metre of the mean of the feet costs at least: a foot that translates by d moves it by d / 2.
+
+    Args:
+        weights: of the edge cost.
+        max_travel: how far a foot moves in one transition [m].
+    """
+    return 2.0 + 2.0 * weights.step / max_travel
 
 
 def is_at_goal(goal: Goal, mean: np.ndarray, yaw: float) -> bool:

@@ -15,7 +15,7 @@ from scenes.stance import Stance, changed_effector
 from scenes.transition_model import TransitionModel, transition_model
 
 DynamicsName = Literal["quasi-static", "exact", "learned"]
-HeuristicName = Literal["grid", "euclidean", "admissible"]
+HeuristicName = Literal["grid", "traversability", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
 FitName = Literal["quick", "strip", "strip_ends"]
 BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
@@ -30,7 +30,9 @@ class PlannerOptions:
         use_palms: whether palms may be used at all.
         lean_on: the only palms to use, indices into `EFFECTORS`; without them a foot's step costs more, with quasi-static
             dynamics. None of them: all palms, where they serve.
-        heuristic: "grid" (Lin 2020 eq. 6.7), "euclidean" (Lin 2020 eq. 3.3) or "admissible" (gives a bound).
+        heuristic: "grid" (Lin 2020 eq. 6.7), "traversability" (Lin & Berenson 2017 eq. 11), "euclidean" (Lin 2020 eq. 3.3) or
+            "admissible" (gives a bound).
+        estimator: of traversability, one of `learning.traversability.KINDS`.
         dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
             centroidal program ("exact"), or for the networks that learned it ("learned").
         timing: of every transition.
@@ -48,6 +50,7 @@ class PlannerOptions:
     use_palms: bool = True
     lean_on: tuple[int, ...] = ()
     heuristic: HeuristicName = "grid"
+    estimator: str = "network"
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
     model: TransitionModel = field(default_factory=transition_model)

@@ -5,12 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 
 from drakeplan.contact_planning.com_costs import DynamicWeights
 from drakeplan.contact_planning.com_domain import ComDomain
-from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State
+from drakeplan.contact_planning.contact_domain import (
+    ON_A_GRID,
+    ContactDomain,
+    DistanceToGo,
+    PlannerWeights,
+    State,
+    cost_per_metre,
+)
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.dynamic_domain import DynamicDomain
@@ -94,7 +102,7 @@ class SearchPlanner:
             self.check,
             options,
             self.settings.weights,
-            context.torso_grid,
+            self._distances(),
             start.contacts[0].heading if start.contacts[0] else 0.0,
         )
         self.domain.full_soles = context.full_soles
@@ -110,6 +118,19 @@ class SearchPlanner:
         self.search: AnaStar[State] | None = None
         self._unreachable: str | None = None
         self.setup_s = time.perf_counter() - began
+
+    def _distances(self) -> DistanceToGo:
+        """What the heuristic measures the way to the goal by; one with traversability serves all attempts of a query."""
+        context, options, weights = self.context, self.options, self.settings.weights
+        if options.heuristic != "traversability":
+            return context.torso_grid
+        from drakeplan.guide.traversability_grid import TraversabilityGrid
+
+        key = f"traversability_grid {options.estimator} {options.use_palms}"
+        if key not in context.made:
+            per_metre = cost_per_metre(weights, options.longest_travel(context.robot))
+            context.made[key] = TraversabilityGrid(context, options.use_palms, per_metre, weights.step, options.estimator)
+        return cast("DistanceToGo", context.made[key])
 
     def _dynamic_domain(self) -> DynamicDomain | None:
         """The domain whose states carry the CoM, where dynamics are asked for."""
@@ -157,7 +178,7 @@ class SearchPlanner:
         if found or search is None or search.ended_by != "exhausted" or self.domain.beyond_grid:
             return
         # All that the grid allows was tried. It is a guess: the rest of the time goes to what it leaves out.
-        self.domain.beyond_grid = self.options.heuristic == "grid"
+        self.domain.beyond_grid = self.options.heuristic in ON_A_GRID
         if self.domain.beyond_grid:
             left = None if limits.deadline is None else max(limits.deadline - (clock() - began), 0.0)
             yield from self._run(replace(limits, deadline=left), clock, search.expansions)

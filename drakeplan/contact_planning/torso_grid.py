@@ -163,6 +163,11 @@ class TorsoGrid:
                 self._enlarge()
         self.num_goal_cells = int(self._wave.size[0])
 
+    @property
+    def origin(self) -> np.ndarray:
+        """(2,) least x and y of cell (0, 0) in W [m]."""
+        return self._wave.ground.origin
+
     def distance(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, yaw: np.ndarray) -> np.ndarray:
         """(n,) distance to the goal region [m] from these poses, interpolated between cells; inf where there is no way.
 
