@@ -21,6 +21,7 @@ from drakeplan.campaigns.campaign import Row
 from drakeplan.campaigns.card import Card
 from drakeplan.campaigns.stored_plans import WALLS as CROSSING_WALLS
 from drakeplan.campaigns.tilted_environment import draw_environment
+from drakeplan.contact_planning.contact_plan import FootholdsName
 from drakeplan.contact_planning.torso_grid import TURNS, TorsoGrid
 from drakeplan.guide.ground_view import GroundView, documented_steps
 from drakeplan.guide.useful_footsteps import TorsoPose, UsefulFootsteps
@@ -48,6 +49,7 @@ class TraversabilityCampaign:
         robot: its name.
         friction: of every surface; 0.5 in the documents.
         cone: friction cone of the checks.
+        footholds: whether feet and palms move to the nearest foothold ("snapped"), or are lost ("fixed", the documents').
         poses: of the torso in each environment.
         packages: names and folders of package:// addresses in the robot's model.
     """
@@ -55,6 +57,7 @@ class TraversabilityCampaign:
     robot: str = "escher"
     friction: float = 0.5
     cone: FrictionCone = DEFAULT_CONE
+    footholds: FootholdsName = "snapped"
     poses: int = 6
     packages: tuple[tuple[str, str], ...] = ()
 
@@ -86,6 +89,7 @@ class TraversabilityCampaign:
             "translations": steps.translations.tolist(),
             "friction": self.friction,
             "cone": str(self.cone),
+            "footholds": self.footholds,
             "poses": self.poses,
         }
 
@@ -108,7 +112,7 @@ class TraversabilityCampaign:
         torso = torso[_choose(rng, view.scores(torso)[1], self.poses)]
         (feet, pairs), palms, (feet_fit, palms_fit) = view.scores(torso), view.palm_scores(torso), view.exact(torso)
         ik = _inverse_kinematics(self.robot, self.packages)
-        counter = UsefulFootsteps(packed, robot, ik, model, steps, self.cone)
+        counter = UsefulFootsteps(packed, robot, ik, model, steps, self.cone, self.footholds)
         rows, every = [], range(len(steps.translations))
         for k, pose in enumerate(torso.tolist()):
             for mode, name in enumerate(MODES):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -35,7 +35,8 @@ examples:
   drakeplan collect dynamics --count 4 --out labels
   drakeplan collect dynamics --count 1700 --out labels --workers 2 --resume
   drakeplan collect dynamics --count 8500 --out labels --cluster tcp://head:8786
-  drakeplan collect traversability --count 1500 --out footsteps --workers 2"""
+  drakeplan collect traversability --count 1500 --out footsteps --workers 2
+  drakeplan collect traversability --count 1500 --footholds fixed --out documented"""
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class Arguments:
     """folder of package://NAME addresses in the robot's model; may be given several times"""
     friction: Annotated[float, tyro.conf.arg(metavar="MU")] = 0.5
     """of every surface"""
+    footholds: Literal["snapped", "fixed"] = "snapped"
+    """of traversability: whether feet and palms move to the nearest foothold, or are lost as in the documents"""
     task_timeout: Annotated[float, tyro.conf.arg(metavar="S")] = 600.0
     """time limit of one environment [s]; an environment that exceeds it is set aside (quarantine)"""
     resume: bool = False
@@ -103,8 +106,11 @@ def _campaign(arguments: Arguments) -> DynamicsCampaign | TraversabilityCampaign
     from scenes.robots.addresses import read_packages
 
     packages = tuple((name, str(folder)) for name, folder in read_packages(arguments.package).items())
-    kind = DynamicsCampaign if arguments.campaign == "dynamics" else TraversabilityCampaign
-    return kind(robot=arguments.robot, friction=arguments.friction, packages=packages)
+    if arguments.campaign == "dynamics":
+        return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
+    return TraversabilityCampaign(
+        robot=arguments.robot, friction=arguments.friction, footholds=arguments.footholds, packages=packages
+    )
 
 
 def _report(card: Card, arguments: Arguments) -> None:

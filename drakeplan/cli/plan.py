@@ -106,6 +106,9 @@ class Arguments:
         tyro.conf.arg(metavar="{experiments,training,planning,long_stride,leap_stride}", help_behavior_hint=""),
     ] = None
     """list of foot steps (default: the scene's, else experiments)"""
+    heuristic: Literal["grid", "traversability", "euclidean", "admissible"] = "grid"
+    """how the search estimates what is left: length of the torso's way; the same with learned estimates of how hard the ground
+    is; the straight line; a bound, with which the plan's cost is compared"""
     footholds: Literal["snapped", "fixed"] = "snapped"
     """what becomes of a step or palm that does not fit where it would be set: moved to the nearest place where it does, or
     dropped"""
@@ -278,6 +281,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         library=arguments.library,
         use_palms=not arguments.no_palms,
         full_soles=arguments.full_soles,
+        heuristic=arguments.heuristic,
         footholds=arguments.footholds,
         stop=interrupted,
         used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,

@@ -7,7 +7,9 @@ import time
 from pathlib import Path
 
 
-def run_traversability(data: str, out: str, robot_name: str, packages: tuple[str, ...], seed: int, as_json: bool) -> int:
+def run_traversability(
+    data: str, out: str, robot_name: str, packages: tuple[str, ...], seed: int, as_json: bool
+) -> int:
     """Trains every kind of regressor, writes weights and cards, and prints their table on held-out environments.
 
     Args:

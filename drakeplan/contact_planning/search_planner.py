@@ -129,7 +129,9 @@ class SearchPlanner:
         key = f"traversability_grid {options.estimator} {options.use_palms}"
         if key not in context.made:
             per_metre = cost_per_metre(weights, options.longest_travel(context.robot))
-            context.made[key] = TraversabilityGrid(context, options.use_palms, per_metre, weights.step, options.estimator)
+            context.made[key] = TraversabilityGrid(
+                context, options.use_palms, per_metre, weights.step, options.estimator
+            )
         return cast("DistanceToGo", context.made[key])
 
     def _dynamic_domain(self) -> DynamicDomain | None:

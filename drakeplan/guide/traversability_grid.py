@@ -19,7 +19,7 @@ from drakeplan.guide.torso_graph import StepWeights, TorsoGraph, costs_to_go, no
 from drakeplan.guide.traversability_map import TraversabilityMap, traversability_map
 
 FOOT_PER_TORSO = 2.0  # a foot travels so much for each metre of the mean of the feet
-HARDNESS = 10.0  # w_tr beside w_s = 3, Lin 2020 sec. 5.11
+HARDNESS = 3.0  # w_tr [m]: a step that surely fails counts as two (5 beside w_s = 10 in Lin & Berenson 2017, 10 beside 3 in Lin 2020)
 
 
 class TraversabilityGrid:

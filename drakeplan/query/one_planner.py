@@ -320,6 +320,7 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
         use_palms=options.use_palms,
         lean_on=options.lean_on,
         heuristic=options.heuristic,
+        estimator=options.estimator,
         dynamics=dynamics,
         timing=options.timing,
         footholds=options.footholds,

@@ -13,6 +13,7 @@ from drakeplan.contact_planning.contact_plan import DynamicsName, FitName, Footh
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
+from learning.traversability import KINDS
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.balance.reserve import USUAL, Reserve
 from optimization.convex import piqp_adapter
@@ -41,7 +42,8 @@ class PlanOptions:
             has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
             search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
         timing: of every transition; networks exist only for 1 s and 1 s (Lin 2020 sec. 6.7).
-        heuristic: "grid", "euclidean" or "admissible"; only the last gives a bound.
+        heuristic: "grid", "traversability", "euclidean" or "admissible"; only the last gives a bound.
+        estimator: of traversability, one of `learning.traversability.KINDS`.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
         deadline: of the whole query, motion and verification included; kernels that compile first do not count.
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
@@ -76,6 +78,7 @@ class PlanOptions:
     dynamics: DynamicsName | None = None
     timing: Timing = field(default_factory=Timing)
     heuristic: HeuristicName = "grid"
+    estimator: str = "network"
     transition_model: str | None = None
     use_palms: bool = True
     lean_on: tuple[int, ...] = ()
@@ -146,6 +149,10 @@ def check_options(options: PlanOptions) -> None:
         raise unknown_name("dynamics", options.dynamics, get_args(DynamicsName))
     if options.footholds not in get_args(FootholdsName):
         raise unknown_name("footholds", options.footholds, get_args(FootholdsName))
+    if options.heuristic not in get_args(HeuristicName):
+        raise unknown_name("heuristic", options.heuristic, get_args(HeuristicName))
+    if options.estimator not in KINDS:
+        raise unknown_name("estimator", options.estimator, KINDS)
     if not entry.judges_transitions and options.dynamics not in (None, "quasi-static"):
         able = " or ".join(name for name, other in PLANNERS.items() if other.judges_transitions)
         raise InputError(f"--dynamics {options.dynamics} needs --planner {able}, got --planner {options.planner}")

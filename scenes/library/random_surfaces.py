@@ -57,7 +57,7 @@ def crossing(
     return Scene("random_surfaces", Terrain(surfaces), START, goal)
 
 
-def _quadrilateral(rng: np.random.Generator) -> np.ndarray:
+def quadrilateral(rng: np.random.Generator) -> np.ndarray:
     """(4, 2) corners of a convex quadrilateral: a rectangle whose corners have moved a little [m]."""
     length, width = rng.uniform(*EDGE, 2)
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -73,7 +73,7 @@ def _ground(rng: np.random.Generator, length: float, density: float, slope: floa
         x = NEAR_EDGE + length * (i + rng.uniform()) / count
         centre = (x, rng.uniform(-HALF_WIDTH, HALF_WIDTH), rng.uniform(-MAX_RISE, MAX_RISE) + slope * (x - NEAR_EDGE))
         roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2)
-        quads.append(tilted_plate(f"quad_{i}", centre, _quadrilateral(rng), roll, pitch, rng.uniform(-np.pi, np.pi)))
+        quads.append(tilted_plate(f"quad_{i}", centre, quadrilateral(rng), roll, pitch, rng.uniform(-np.pi, np.pi)))
     return quads
 
 
@@ -90,5 +90,5 @@ def _wall(rng: np.random.Generator, side: str, sign: float, length: float, slope
         )
         roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2)
         upright = sign * np.pi / 2 + roll
-        panels.append(tilted_plate(f"{side}_panel_{i}", centre, _quadrilateral(rng), upright, pitch))
+        panels.append(tilted_plate(f"{side}_panel_{i}", centre, quadrilateral(rng), upright, pitch))
     return panels
