@@ -46,6 +46,7 @@ examples:
   drakeplan plan stairs --planner footsteps
   drakeplan plan stairs --first --out stairs.h5
   drakeplan plan random_surfaces --seed 3 --planner parallel
+  drakeplan plan two_corridors --planner guided --html plan.html
 
 Ctrl-C ends it with the best contacts so far (--keep-partial writes them); Ctrl-C again aborts.
 
@@ -109,6 +110,9 @@ class Arguments:
     heuristic: Literal["grid", "traversability", "euclidean", "admissible"] = "grid"
     """how the search estimates what is left: length of the torso's way; the same with learned estimates of how hard the ground
     is; the straight line; a bound, with which the plan's cost is compared"""
+    guide: Literal["max", "mean", "segments"] = "max"
+    """of --planner guided: a segment is adapted from a stored plan where its hardest step, or the mean of its steps, is hard; or
+    all segments are searched"""
     footholds: Literal["snapped", "fixed"] = "snapped"
     """what becomes of a step or palm that does not fit where it would be set: moved to the nearest place where it does, or
     dropped"""
@@ -120,8 +124,8 @@ class Arguments:
     first: bool = False
     """the first verified plan, not improved"""
     library: Annotated[str, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = ""
-    """stored plans for --planner adapt and parallel (default: those that come with the robot); a new plan joins DIR where it
-    differs enough"""
+    """stored plans for --planner adapt, parallel and guided (default: those that come with the robot); a new plan joins DIR
+    where it differs enough"""
     expansions: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
     no_palms: bool = False
@@ -282,6 +286,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         use_palms=not arguments.no_palms,
         full_soles=arguments.full_soles,
         heuristic=arguments.heuristic,
+        guide=arguments.guide,
         footholds=arguments.footholds,
         stop=interrupted,
         used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from drakeplan.query.result import PlanResult
     from scenes.robots.robot import Robot
 
-ADAPTING = ("adapt", "parallel")
+ADAPTING = ("adapt", "parallel", "guided")
 
 
 def open_library(folder: str, planner: str, robot: Robot) -> None:

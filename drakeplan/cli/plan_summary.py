@@ -24,6 +24,7 @@ def summary(report: dict[str, object]) -> str:
         f" cost {number('cost', '.3f')}, bound {number('bound', '.3f')}",
         f"  first contacts {number('time_to_first_s', '.3f')} s, first feasible {number('time_to_first_feasible_s')} s;"
         f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
+        *_guide(report),
         *_origin(report),
         *_judges(report),
         *_torque(report),
@@ -34,6 +35,15 @@ def summary(report: dict[str, object]) -> str:
     if isinstance(files, dict):
         lines += [f"  {kind:<4}  {path}" for kind, path in files.items()]
     return "\n".join(lines)
+
+
+def _guide(report: dict[str, object]) -> list[str]:
+    """A line with the segments of the guiding path that it follows, if any."""
+    told = report.get("guide")
+    if not isinstance(told, list) or not told:
+        return []
+    words = [f"{s['mode'].replace('_', ' ')} {'adapted' if s['method'] == 'adapt' else 'searched'}" for s in told]
+    return [f"  along a guiding path of {len(told)} segment{'s' if len(told) > 1 else ''}: {', '.join(words)}"]
 
 
 def _origin(report: dict[str, object]) -> list[str]:

@@ -59,7 +59,7 @@ def run(arguments: Arguments) -> int:
     with ProgressPrinter(sys.stderr) as progress:
         options = PlanOptions(goal=(0.5, 0.0), improve=0.0, deadline=600.0)
         robot = load_robot(arguments.robot)
-        load_kernels(robot, WholeBodyIK(robot), "parallel", progress)
+        load_kernels(robot, WholeBodyIK(robot), "guided", progress)
         plan_scene(load_scene("flat"), robot, options, progress)
     kept = os.environ.get(KERNELS)
     number = len(list(Path(kept).rglob(COMPILED))) if kept else None

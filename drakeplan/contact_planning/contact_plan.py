@@ -17,6 +17,7 @@ from scenes.transition_model import TransitionModel, transition_model
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "traversability", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
+GuideName = Literal["max", "mean", "segments"]
 FitName = Literal["quick", "strip", "strip_ends"]
 BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
@@ -33,6 +34,8 @@ class PlannerOptions:
         heuristic: "grid" (Lin 2020 eq. 6.7), "traversability" (Lin & Berenson 2017 eq. 11), "euclidean" (Lin 2020 eq. 3.3) or
             "admissible" (gives a bound).
         estimator: of traversability, one of `learning.traversability.KINDS`.
+        guide: of a guided plan: whether the "mean" or the "max" of a segment's hardness says whether it is searched or adapted,
+            or whether all "segments" are searched.
         dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
             centroidal program ("exact"), or for the networks that learned it ("learned").
         timing: of every transition.
@@ -51,6 +54,7 @@ class PlannerOptions:
     lean_on: tuple[int, ...] = ()
     heuristic: HeuristicName = "grid"
     estimator: str = "network"
+    guide: GuideName = "max"
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
     model: TransitionModel = field(default_factory=transition_model)
@@ -104,6 +108,7 @@ class ContactPlan:
         predicted_com: (n, 3) CoM at each stance as the planner saw it [m]; None without dynamics.
         predicted_effort: sum of the transitions' dynamics objectives as the planner saw them; None without dynamics.
         origin: stored plans that it was adapted from, in order.
+        guide: segments of the guiding path that it was planned along, as JSON values: mode, method, stances, way [m].
     """
 
     stances: tuple[Stance, ...]
@@ -115,6 +120,7 @@ class ContactPlan:
     predicted_com: np.ndarray | None = None
     predicted_effort: float | None = None
     origin: tuple[str, ...] = ()
+    guide: tuple[Mapping[str, object], ...] = ()
 
     @property
     def palms_used(self) -> int:

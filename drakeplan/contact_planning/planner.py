@@ -109,6 +109,11 @@ PLANNERS: dict[str, PlannerEntry] = {
         judges_transitions=True,
         kernels="drakeplan.experience.adapt_planner:warm_up",
     ),
+    "guided": PlannerEntry(
+        "segments of a guiding path of the torso, each searched or adapted",
+        "drakeplan.guide.guided_planner:build",
+        kernels="drakeplan.guide.warm_up:warm_up",
+    ),
     "footsteps": PlannerEntry(
         "mixed-integer program of footsteps", "drakeplan.contact_planning.program_planner:build_footsteps"
     ),

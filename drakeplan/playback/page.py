@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from drakeplan.plan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
+from drakeplan.playback.guide_path import MODE_COLOURS, guide_of
 from drakeplan.playback.pushes import PUSH_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR, PREDICTED_COLOUR, predicted_com
 from drakeplan.playback.supports import SUPPORT_COLOUR, SUPPORTS
@@ -114,6 +115,8 @@ def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
         ]
     if predicted_com(plan) is not None:
         shown.append((_css(PREDICTED_COLOUR), "centre of mass as the search predicted it"))
+    guide = {segment.words: _css(MODE_COLOURS[segment.mode]) for segment in guide_of(plan)}
+    shown += [(colour, words) for words, colour in guide.items()]
     facts = f"{len(plan.stances)} stances"
     facts += f", {plan.duration:.1f} s" if plan.motion is not None else ", contacts only: no motion was found"
     return _dressed(meshcat_page, [plan.scene_name, plan.robot, facts], [*shown, *_of_scene(scene)], CONTROLS)

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drakeplan.plan.plan import Plan
 from drakeplan.playback import terrain_mesh
+from drakeplan.playback.guide_path import draw_guide
 from drakeplan.playback.pushes import draw_pushes
 from drakeplan.playback.view import FIELD_OF_VIEW, View
 from scenes.scene import Scene
@@ -51,6 +52,7 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
     predicted = predicted_com(plan)
     if predicted is not None:
         _com_path(meshcat, "predicted_com_path", predicted, PREDICTED_COLOUR)
+    draw_guide(meshcat, plan, ROOT)
 
 
 def predicted_com(plan: Plan) -> np.ndarray | None:

@@ -81,6 +81,8 @@ def plan_with_one(
         scene, robot, WholeBodyIK(robot), options.cone, deadline, options.full_soles, options.reserve
     )
     load_kernels(robot, context.ik, options.planner, tell)
+    if options.heuristic == "traversability":
+        load_kernels(robot, context.ik, "guided", tell)
     deadline.start()
     tell = _with_time_left(tell, deadline)
     record.start, record.goal = context.start.feet_mean().tolist(), list(context.goal.xyz)
@@ -321,6 +323,7 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
         lean_on=options.lean_on,
         heuristic=options.heuristic,
         estimator=options.estimator,
+        guide=options.guide,
         dynamics=dynamics,
         timing=options.timing,
         footholds=options.footholds,

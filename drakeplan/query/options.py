@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from drakeplan.contact_planning.contact_plan import DynamicsName, FitName, FootholdsName, HeuristicName
+from drakeplan.contact_planning.contact_plan import DynamicsName, FitName, FootholdsName, GuideName, HeuristicName
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
@@ -44,6 +44,7 @@ class PlanOptions:
         timing: of every transition; networks exist only for 1 s and 1 s (Lin 2020 sec. 6.7).
         heuristic: "grid", "traversability", "euclidean" or "admissible"; only the last gives a bound.
         estimator: of traversability, one of `learning.traversability.KINDS`.
+        guide: see `PlannerOptions.guide`.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
         deadline: of the whole query, motion and verification included; kernels that compile first do not count.
         improve: the search stops this long after the first plan; without effect when `expansions` is given.
@@ -79,6 +80,7 @@ class PlanOptions:
     timing: Timing = field(default_factory=Timing)
     heuristic: HeuristicName = "grid"
     estimator: str = "network"
+    guide: GuideName = "max"
     transition_model: str | None = None
     use_palms: bool = True
     lean_on: tuple[int, ...] = ()
@@ -151,6 +153,8 @@ def check_options(options: PlanOptions) -> None:
         raise unknown_name("footholds", options.footholds, get_args(FootholdsName))
     if options.heuristic not in get_args(HeuristicName):
         raise unknown_name("heuristic", options.heuristic, get_args(HeuristicName))
+    if options.guide not in get_args(GuideName):
+        raise unknown_name("guide", options.guide, get_args(GuideName))
     if options.estimator not in KINDS:
         raise unknown_name("estimator", options.estimator, KINDS)
     if not entry.judges_transitions and options.dynamics not in (None, "quasi-static"):

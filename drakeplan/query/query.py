@@ -158,6 +158,7 @@ class Query:
             self.record.contacts, self.record.stances = len(contacts), len(sequence.stances)
             self.record.palms_used = sequence.palms_used
             self.record.adapted_from = list(sequence.origin)
+            self.record.guide = [dict(segment) for segment in sequence.guide]
         return sequence
 
     def _incumbents(self, until: float) -> list[ContactPlan]:
@@ -327,6 +328,8 @@ class Query:
             facts[ROBOT_FILE] = str(self.context.robot.source)
         if sequence.origin:
             facts["adapted_from"] = list(sequence.origin)
+        if sequence.guide:
+            facts["guide"] = [dict(segment) for segment in sequence.guide]
         if sequence.predicted_com is not None:
             facts["predicted_com"] = sequence.predicted_com.tolist()
         context = self.context

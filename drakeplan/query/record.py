@@ -43,6 +43,7 @@ class QueryRecord:
         cost, bound: of the contact sequence that was chosen.
         contacts, stances, palms_used: its size.
         adapted_from: stored plans that it comes from, by name.
+        guide: segments of the guiding path that it follows; see `ContactPlan.guide`.
         expansions: of all rounds of search.
         time_to_first_s: seconds of search until the first contact sequence.
         time_to_first_feasible_s: and until one was known to be dynamically feasible, its program included.
@@ -68,6 +69,7 @@ class QueryRecord:
     stances: int = 0
     palms_used: int = 0
     adapted_from: list[str] = field(default_factory=list)
+    guide: list[dict[str, object]] = field(default_factory=list)
     expansions: int = 0
     time_to_first_s: float | None = None
     time_to_first_feasible_s: float | None = None

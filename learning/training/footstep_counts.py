@@ -237,8 +237,8 @@ def _train_network(train: FootstepLabels, mirror: np.ndarray, seed: int) -> Netw
         name = network_of(mode)
         mean[name], scale[name] = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-3)
         model = MLPRegressor(
-            hidden_layer_sizes=HIDDEN, batch_size=min(BATCH, len(x)), learning_rate_init=STEP, max_iter=EPOCHS, random_state=seed, tol=0.0,
-            n_iter_no_change=EPOCHS,
+            hidden_layer_sizes=HIDDEN, batch_size=min(BATCH, len(x)), learning_rate_init=STEP, max_iter=EPOCHS,
+            random_state=seed, tol=0.0, n_iter_no_change=EPOCHS,
         )  # fmt: skip
         import warnings
 
