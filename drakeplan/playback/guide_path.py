@@ -22,7 +22,7 @@ MODE_COLOURS = {
 }
 MODE_WORDS = {"feet": "feet", "left_palm": "feet, left palm", "right_palm": "feet, right palm", "all": "feet, both palms",
               "any": "any palms"}  # fmt: skip
-METHOD_WORDS = {"search": "searched", "adapt": "adapted"}
+METHOD_WORDS = {"search": "searched", "adapt": "adapted, thick"}
 RADIUS = {"search": 0.012, "adapt": 0.024}  # [m]
 LIFT = 0.06  # [m] over the ground
 
