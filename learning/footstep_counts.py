@@ -2,10 +2,11 @@
 
     svr        |Gamma+| = b + sum_i a_i exp(-g |x - x_i|^2)        one for each motion mode and translation, RBF kernel
     nearest    the label of the nearest training row               the same rows
-    network    log(1 + |Gamma+|) of all translations at once       one for each motion mode up to mirror images
+    network    exp(-|Gamma+|) of all translations at once          one for each motion mode up to mirror images
 
 x is (S_f, S_p of the mode's palms), exact or approximate (Lin & Berenson 2017 sec. IV.E, IV.F; Lin 2020 eq. 5.7), scaled. The
-network sees the foot scores of all translations and the score of pairs beside them; all its activations are ReLU.
+network sees the foot scores of all translations and the score of pairs beside them; all its activations are ReLU. It learns the
+cost itself: mostly there are many useful footsteps or none, and their mean number says little about how often there are none.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.
@@ -27,6 +28,7 @@ PALM_COLUMNS = ((), (0, 1), (2, 3), (0, 1, 2, 3))  # of the palm scores, by moti
 MIRRORED_PALMS = (2, 3, 0, 1)  # the palm scores of a mirror image
 NETWORKS = ("feet", "palm", "palms")  # networks of the feet, of the left palm and of both
 WIDEST = 5  # features of one row of the documents' regressors
+LEAST_COST = 1e-9
 
 
 class PoseFeatures(NamedTuple):
@@ -182,7 +184,8 @@ class NetworkRegressor:
         *hidden, (last, bias) = self.layers[name]
         for weights, offset in hidden:
             x = np.maximum(x @ weights + offset, 0.0)
-        return np.expm1(np.clip(x @ last + bias, 0.0, 10.0)) * some_score(mode, seen)
+        cost = np.clip(x @ last + bias, LEAST_COST, 1.0)
+        return -np.log(cost) * some_score(mode, seen)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Its arrays by name."""

@@ -14,8 +14,9 @@ from learning.footstep_counts import FootstepCounts, NetworkRegressor, PoseFeatu
 from learning.weights import PRETRAINED, NoWeightsError, OtherRobotError, WeightsError, read_weights
 from scenes.robots.robot import Robot
 
-# ours; approximate and exact contact checking with support vector regression and nearest neighbours (Lin & Berenson 2017)
-KINDS = ("network", "acc-svr", "acc-nearest", "ecc-svr", "ecc-nearest")
+# ours, for feet that move to the nearest foothold and for the documents' fixed steps; the documents': approximate and exact
+# contact checking with support vector regression and nearest neighbours (Lin & Berenson 2017), for fixed steps
+KINDS = ("network", "network-fixed", "acc-svr", "acc-nearest", "ecc-svr", "ecc-nearest")
 
 
 def weights_name(kind: str) -> str:
@@ -89,7 +90,8 @@ def load_traversability(
             f"{path}: made for the transition model {card.get('transition_model')!r}, expected {transition_model!r}"
         )
     try:
-        regressor = NetworkRegressor.of(tensors) if kind == "network" else RowRegressor.of(kind.split("-")[1], tensors)
+        network = kind.startswith("network")
+        regressor = NetworkRegressor.of(tensors) if network else RowRegressor.of(kind.split("-")[1], tensors)
         return Traversability(kind, regressor, card)
     except (KeyError, TypeError) as error:
         raise WeightsError(f"{path}: incomplete weights, {error} is missing") from None

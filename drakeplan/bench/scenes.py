@@ -26,7 +26,7 @@ MESHES = {
 }
 MOST_SEEDS = 100
 SEEDS = {"random_surfaces": MOST_SEEDS, "tilted_slab": 10}  # others 50
-ROOMS = ("two_corridors", "two_staircases", "three_corridors")  # `bench rooms` is about them
+ROOMS = ("two_corridors", "two_staircases", "three_corridors")  # `bench segments` is about them
 USUAL_SEEDS = 50
 DYNAMIC = ("wide_gap", "wider_gap", "steep_slope", "slippery_slope")  # `bench crossings` is about them
 DEADLINE = 20.0  # [s] of each query

@@ -33,7 +33,7 @@ class PlannerOptions:
             dynamics. None of them: all palms, where they serve.
         heuristic: "grid" (Lin 2020 eq. 6.7), "traversability" (Lin & Berenson 2017 eq. 11), "euclidean" (Lin 2020 eq. 3.3) or
             "admissible" (gives a bound).
-        estimator: of traversability, one of `learning.traversability.KINDS`.
+        estimator: of traversability, one of `learning.traversability.KINDS`; "" for the network that fits the footholds.
         guide: of a guided plan: whether the "mean" or the "max" of a segment's hardness says whether it is searched or adapted,
             or whether all "segments" are searched.
         dynamics: what a transition must be: balanced at its critical configurations ("quasi-static"), feasible for the
@@ -53,7 +53,7 @@ class PlannerOptions:
     use_palms: bool = True
     lean_on: tuple[int, ...] = ()
     heuristic: HeuristicName = "grid"
-    estimator: str = "network"
+    estimator: str = ""
     guide: GuideName = "max"
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
@@ -62,6 +62,11 @@ class PlannerOptions:
     footholds: FootholdsName = "snapped"
     library: str = ""
     fit: FitName = "quick"
+
+    @property
+    def chosen_estimator(self) -> str:
+        """The estimator, or the network that was trained for these footholds."""
+        return self.estimator or ("network" if self.footholds == "snapped" else "network-fixed")
 
     @property
     def longest_stride(self) -> float:

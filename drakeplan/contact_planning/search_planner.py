@@ -126,11 +126,11 @@ class SearchPlanner:
             return context.torso_grid
         from drakeplan.guide.traversability_grid import TraversabilityGrid
 
-        key = f"traversability_grid {options.estimator} {options.use_palms}"
+        key = f"traversability_grid {options.chosen_estimator} {options.use_palms}"
         if key not in context.made:
             per_metre = cost_per_metre(weights, options.longest_travel(context.robot))
             context.made[key] = TraversabilityGrid(
-                context, options.use_palms, per_metre, weights.step, options.estimator
+                context, options.use_palms, per_metre, weights.step, options.chosen_estimator
             )
         return cast("DistanceToGo", context.made[key])
 

@@ -99,6 +99,34 @@ def foot_scores(packed: PackedTerrain, robot: Robot, low: np.ndarray, high: np.n
     return scores._replace(z=scores.z[:used].copy(), score=scores.score[:used].copy())
 
 
+def within_reach(scores: FootScores, radius: float) -> FootScores:
+    """The best score within a radius of each point, with its height: that of feet that move to the nearest foothold.
+
+    Args:
+        scores: of feet.
+        radius: how far a foot moves [m].
+    """
+    n = int(round(radius / PITCH))
+    best_z, best = scores.z.copy(), scores.score.copy()
+    for u in range(-n, n + 1):
+        for v in range(-n, n + 1):
+            if 0 < u * u + v * v <= n * n:
+                z, score = (_shifted(array, u, v, fill) for array, fill in ((scores.z, np.nan), (scores.score, 0.0)))
+                better = score > best
+                best_z, best = np.where(better, z, best_z), np.where(better, score, best)
+    return FootScores(scores.origin, best_z, best)
+
+
+def _shifted(array: np.ndarray, u: int, v: int, fill: float) -> np.ndarray:
+    """(L, n, m) the values of the points (u, v) farther along the grid."""
+    out = np.full_like(array, fill)
+    n, m = array.shape[1:]
+    to = (slice(None), slice(max(-u, 0), n - max(u, 0)), slice(max(-v, 0), m - max(v, 0)))
+    source = (slice(None), slice(max(u, 0), n - max(-u, 0)), slice(max(v, 0), m - max(-v, 0)))
+    out[to] = array[source]
+    return out
+
+
 def palm_spaces_near(packed: PackedTerrain, robot: Robot, low: np.ndarray, high: np.ndarray) -> PalmSpaces:
     """Where a point of a palm fits on the surfaces of a rectangle of the plan view.
 

@@ -89,7 +89,7 @@ class GuidedPlanner:
         began = time.perf_counter()
         self.context, self._options = context, options
         modes = tuple(MODES.index(mode) for mode in usable_modes(context, options.use_palms))
-        known = traversability_map(context, modes, options.estimator)
+        known = traversability_map(context, modes, options.chosen_estimator)
         self.path: GuidingPath | None = None if known is None else guiding_path(known, modes)
         self.segments: list[Segment] = [] if self.path is None else segments(self.path, decision, adapt=adapt)
         if not self.segments:

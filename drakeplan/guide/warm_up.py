@@ -10,7 +10,6 @@ from drakeplan.guide.ground_view import GroundView, documented_steps
 from drakeplan.guide.guiding_path import guiding_path
 from drakeplan.guide.traversability_grid import TraversabilityGrid
 from drakeplan.guide.traversability_map import traversability_map
-from learning.traversability import KINDS
 from learning.weights import WeightsError
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library import rubble_corridor
@@ -32,9 +31,9 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     view = GroundView(context.packed, robot, steps, model.rays, place[:2], place[:2])
     view.exact(torso)
     try:
-        for kind in KINDS[:2]:
+        for kind in ("network", "acc-svr"):
             known = traversability_map(context, (0, 1, 2, 3), kind)
-        TraversabilityGrid(context, True, 1.0, 1.0, KINDS[0]).distance(*(np.zeros(1) for _ in range(4)))
+        TraversabilityGrid(context, True, 1.0, 1.0, "network").distance(*(np.zeros(1) for _ in range(4)))
         if known is not None:
             guiding_path(known, (0,))
     except WeightsError:  # a robot without weights: the planner says so

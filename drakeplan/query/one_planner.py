@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 
 import numpy as np
 
@@ -106,7 +107,8 @@ def plan_with_one(
     if options.explain and refusal is not None and refusal.without_dynamics:
         tell(ProgressEvent("explain", "what blocks the dynamics, and what would free them"))
         result = _explained(result, refusal, context, options)
-    return result
+    # The result may be that of an earlier attempt: its time is that of the whole query all the same.
+    return dataclasses.replace(result, report={**result.report, "total_s": time.perf_counter() - record.began})
 
 
 def _or_at_rest(
@@ -200,7 +202,9 @@ def _palms_or_feet(
     first = context.until(context.deadline.part(PALMS_SHARE)) if hurried else context
     result = _at_rest_or_moving(first, options, dynamics, record, tell)
     if spared and result.status != "complete" and not result.proved and not context.deadline.why():
-        return _feet_alone(context, options, dynamics, record, tell) or result
+        alone = _feet_alone(context, options, dynamics, record, tell)
+        if alone is not None and (alone.rank > result.rank or context.deadline.why() == "cancelled"):
+            return alone
     return result
 
 
@@ -259,7 +263,7 @@ def _attempt(
         rest = "never"
     query = Query(context, options, planner, record, tell, rest)
     tried = options.dynamics is None and dynamics == "learned"
-    search_for = (0.5 if tried else 1.0) * share * max(context.deadline.left() - reserve(options), 0.0)
+    search_for = (0.5 if tried else 1.0) * share * _time_to_search(context, options)
     return query.run(search_for, TRIED_REPAIRS if tried else MAX_REPAIRS)
 
 
@@ -298,7 +302,7 @@ def _may_spare_palms(context: QueryContext, options: PlanOptions) -> bool:
 def _feet_alone(
     context: QueryContext, options: PlanOptions, dynamics: DynamicsName, record: QueryRecord, tell: Progress
 ) -> PlanResult | None:
-    """A verified plan of the feet alone, None where there is none.
+    """A plan of the feet alone, None where they cannot stand at the start.
 
     A palm that is held makes a motion stiff, and its contacts multiply the search: where no motion with palms holds, the
     feet alone may still walk past.
@@ -309,9 +313,8 @@ def _feet_alone(
     planner = make_planner(options.planner, context, _planner_options(context, feet, dynamics))
     if planner.start_problem():
         return None
-    search_for = max(context.deadline.left() - reserve(options), 0.0)
-    result = Query(context, feet, planner, alone, tell).run(FEET_SHARE * search_for, FEET_REPAIRS)
-    return result if result.status == "complete" or context.deadline.why() == "cancelled" else None
+    search_for = FEET_SHARE * _time_to_search(context, options)
+    return Query(context, feet, planner, alone, tell).run(search_for, FEET_REPAIRS)
 
 
 def _planner_options(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> PlannerOptions:
@@ -340,9 +343,16 @@ def reserve(options: PlanOptions) -> float:
     return min(RESERVE * options.deadline, MOST_RESERVE) if searches else 0.0
 
 
+def _time_to_search(context: QueryContext, options: PlanOptions) -> float:
+    """Seconds that are left for searching; what is kept back is kept from the whole deadline, once."""
+    deadline = context.deadline
+    whole = deadline.whole or deadline
+    return max(min(deadline.left(), whole.left() - reserve(options)), 0.0)
+
+
 def _may_fall_back(context: QueryContext, options: PlanOptions, dynamics: DynamicsName) -> bool:
     """Whether learned dynamics were the default and there is time for a second query."""
-    left = context.deadline.left() > reserve(options)
+    left = _time_to_search(context, options) > 0.0
     return options.dynamics is None and dynamics == "learned" and left and not context.deadline.why()
 
 

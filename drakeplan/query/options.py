@@ -43,7 +43,7 @@ class PlanOptions:
             search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
         timing: of every transition; networks exist only for 1 s and 1 s (Lin 2020 sec. 6.7).
         heuristic: "grid", "traversability", "euclidean" or "admissible"; only the last gives a bound.
-        estimator: of traversability, one of `learning.traversability.KINDS`.
+        estimator: see `PlannerOptions.estimator`.
         guide: see `PlannerOptions.guide`.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
         deadline: of the whole query, motion and verification included; kernels that compile first do not count.
@@ -79,7 +79,7 @@ class PlanOptions:
     dynamics: DynamicsName | None = None
     timing: Timing = field(default_factory=Timing)
     heuristic: HeuristicName = "grid"
-    estimator: str = "network"
+    estimator: str = ""
     guide: GuideName = "max"
     transition_model: str | None = None
     use_palms: bool = True
@@ -155,7 +155,7 @@ def check_options(options: PlanOptions) -> None:
         raise unknown_name("heuristic", options.heuristic, get_args(HeuristicName))
     if options.guide not in get_args(GuideName):
         raise unknown_name("guide", options.guide, get_args(GuideName))
-    if options.estimator not in KINDS:
+    if options.estimator not in ("", *KINDS):
         raise unknown_name("estimator", options.estimator, KINDS)
     if not entry.judges_transitions and options.dynamics not in (None, "quasi-static"):
         able = " or ".join(name for name, other in PLANNERS.items() if other.judges_transitions)

@@ -7,6 +7,7 @@ and a small network. Arrays are kept, never objects.
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,7 @@ class HeldOut:
 
     Attributes:
         kind: of `learning.traversability.KINDS`.
-        cost_error: mean absolute error of the traversability cost exp(-|Gamma+|), by mode.
+        cost_error: root mean square error of the traversability cost exp(-|Gamma+|), by mode.
         count_error: mean absolute error of log(1 + |Gamma+|), by mode.
         rank: Spearman's rank correlation with |Gamma+|, by mode.
         microseconds: of one estimate, in a batch.
@@ -132,7 +133,9 @@ class HeldOut:
 def train_footstep_counts(
     labels: FootstepLabels, robot: Robot, out: Path, seed: int, tell: Callable[[str], None]
 ) -> list[HeldOut]:
-    """Trains every kind of regressor, measures it on held-out scenes, and writes weights and cards to a folder.
+    """Trains regressors, measures them on held-out scenes, and writes weights and cards to a folder.
+
+    Labels of steps that move to the nearest foothold make the network for these; those of fixed steps make all others.
 
     Args:
         labels: of one robot.
@@ -148,7 +151,8 @@ def train_footstep_counts(
     translations = np.array(labels.source["parameters"]["translations"])
     mirror = mirror_of(translations)
     found = []
-    for kind in KINDS:
+    snapped = labels.source["parameters"].get("footholds") == "snapped"
+    for kind in KINDS[:1] if snapped else KINDS[1:]:
         tell(f"{kind}: training on {len(np.unique(train.scene))} environments")
         regressor = _train(kind, train, mirror, seed)
         held_out = measure(kind, regressor, test)
@@ -158,6 +162,7 @@ def train_footstep_counts(
             "robot": robot.name,
             "robot_model_sha256": parameters["robot_model_sha256"],
             "transition_model": parameters["transition_model"],
+            "footholds": parameters["footholds"],
             "translations": translations.tolist(),
             "data": dict(labels.source),
             "seed": seed,
@@ -184,7 +189,7 @@ def measure(kind: str, regressor: FootstepCounts, test: FootstepLabels) -> HeldO
         began = time.perf_counter()
         predicted = regressor.counts(mode, seen)
         seconds, estimates = seconds + time.perf_counter() - began, estimates + predicted.size
-        cost[name] = float(np.abs(np.exp(-predicted) - np.exp(-rows.useful)).mean())
+        cost[name] = float(np.sqrt(((np.exp(-predicted) - np.exp(-rows.useful)) ** 2).mean()))
         count[name] = float(np.abs(np.log1p(predicted) - np.log1p(rows.useful)).mean())
         rank[name] = float(spearmanr(predicted.ravel(), rows.useful.ravel()).statistic)
     return HeldOut(kind, cost, count, rank, 1e6 * seconds / max(estimates, 1))
@@ -220,7 +225,7 @@ def features_of(kind: str, labels: FootstepLabels) -> PoseFeatures:
 
 
 def _train(kind: str, train: FootstepLabels, mirror: np.ndarray, seed: int) -> FootstepCounts:
-    if kind == "network":
+    if kind.startswith("network"):
         return _train_network(train, mirror, seed)
     return _train_rows(kind, train, seed)
 
@@ -233,15 +238,13 @@ def _train_network(train: FootstepLabels, mirror: np.ndarray, seed: int) -> Netw
     for mode in (FEET, LEFT_PALM, BOTH_PALMS):
         some = [labels.take(labels.mode == mode) for labels in (train, both)]
         x = np.concatenate([network_inputs(mode, labels.scores) for labels in some])
-        y = np.log1p(np.concatenate([labels.useful for labels in some]))
+        y = np.exp(-np.concatenate([labels.useful for labels in some]))
         name = network_of(mode)
         mean[name], scale[name] = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-3)
         model = MLPRegressor(
             hidden_layer_sizes=HIDDEN, batch_size=min(BATCH, len(x)), learning_rate_init=STEP, max_iter=EPOCHS,
             random_state=seed, tol=0.0, n_iter_no_change=EPOCHS,
         )  # fmt: skip
-        import warnings
-
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that it has not converged: the number of epochs is chosen
             model.fit(((x - mean[name]) / scale[name]).astype(np.float32), y.astype(np.float32))
