@@ -30,6 +30,7 @@ class Traversability:
     Attributes:
         kind: of regressor.
         translations: (V, 2) of the torso, in cells, that costs are given for.
+        footholds: whether the steps that it was trained on move to the nearest foothold ("snapped") or not ("fixed").
         card: what is known of the weights.
     """
 
@@ -43,6 +44,7 @@ class Traversability:
         """
         self.kind, self.card, self._regressor = kind, card, regressor
         self.translations = np.array(card["translations"])
+        self.footholds = card["footholds"]
 
     @property
     def exact(self) -> bool:

@@ -108,7 +108,8 @@ class TraversabilityCampaign:
         if not len(torso):
             return []
         model, steps = documented_steps(robot)
-        view = GroundView(packed, robot, steps, model.rays, torso[:, :2].min(axis=0), torso[:, :2].max(axis=0))
+        low, high = torso[:, :2].min(axis=0), torso[:, :2].max(axis=0)
+        view = GroundView(packed, robot, steps, model.rays, low, high, self.footholds)
         torso = torso[_choose(rng, view.scores(torso)[1], self.poses)]
         (feet, pairs), palms, (feet_fit, palms_fit) = view.scores(torso), view.palm_scores(torso), view.exact(torso)
         ik = _inverse_kinematics(self.robot, self.packages)

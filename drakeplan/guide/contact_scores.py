@@ -106,7 +106,7 @@ def within_reach(scores: FootScores, radius: float) -> FootScores:
         scores: of feet.
         radius: how far a foot moves [m].
     """
-    n = int(round(radius / PITCH))
+    n = round(radius / PITCH)
     best_z, best = scores.z.copy(), scores.score.copy()
     for u in range(-n, n + 1):
         for v in range(-n, n + 1):

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from drakeplan.contact_planning.contact_domain import ARM_SLACK
-from drakeplan.contact_planning.contact_plan import PlannerOptions
+from drakeplan.contact_planning.contact_plan import FootholdsName, PlannerOptions
 from drakeplan.guide.contact_scores import (
     FootScores,
     PalmRays,
@@ -14,6 +14,7 @@ from drakeplan.guide.contact_scores import (
     foot_scores,
     palm_rays,
     palm_spaces_near,
+    within_reach,
 )
 from drakeplan.guide.features import (
     QUADRANTS,
@@ -26,6 +27,7 @@ from drakeplan.guide.features import (
 )
 from drakeplan.guide.torso_steps import DIRECTIONS, TorsoSteps, torso_steps
 from scenes.footholds.projection import PatchShape, patch_shape
+from scenes.footholds.snap import Snap
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.transition_model import TransitionModel, transition_model
@@ -55,6 +57,7 @@ class GroundView:
         rays: np.ndarray,
         low: np.ndarray,
         high: np.ndarray,
+        footholds: FootholdsName = "fixed",
     ) -> None:
         """Scores all contact points near the poses.
 
@@ -65,10 +68,13 @@ class GroundView:
             rays: (K, 3) of the left palm, from the shoulder.
             low: (2,) least x and y of the poses [m].
             high: (2,) greatest x and y of the poses [m].
+            footholds: "snapped": a foot's score is the best one that it can move to; "fixed": that of its own place.
         """
         self.steps, self._packed, self._tables = steps, packed, step_tables(steps)
         self._rise = float(robot.max_step_height)
         self._scores = foot_scores(packed, robot, low - AROUND, high + AROUND)
+        if footholds == "snapped":
+            self._scores = within_reach(self._scores, Snap().radius)
         self._rays = palm_rays(robot, np.ascontiguousarray(rays), ARM_SLACK)
         self._spaces = palm_spaces_near(packed, robot, low - AROUND, high + AROUND)
         self._sole, self._palm = patch_shape(robot.effectors[0]), patch_shape(robot.effectors[2])

@@ -95,9 +95,9 @@ def traversability_map(
     cost = np.ones((4, len(near) + 1, len(steps.translations)), np.float32)
     if len(near):
         torso = torso_poses(graph, near)
-        view = GroundView(
-            context.packed, context.robot, steps, model.rays, torso[:, :2].min(axis=0), torso[:, :2].max(axis=0)
-        )
+        low, high = torso[:, :2].min(axis=0), torso[:, :2].max(axis=0)
+        footholds = traversability.footholds
+        view = GroundView(context.packed, context.robot, steps, model.rays, low, high, footholds)
         cost[list(modes), :-1] = _costs(view, torso, traversability, modes)
     return TraversabilityMap(graph, row, cost, tuple(paths), start)
 
