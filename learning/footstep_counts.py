@@ -164,7 +164,7 @@ class NetworkRegressor:
     """Ours: a small network for each motion mode that sees all translations of a pose at once.
 
     Attributes:
-        layers: by name of `NETWORKS`, pairs of weights (in, out) and biases (out,), the last one linear.
+        layers: by name of `NETWORKS`, as many as there are, pairs of weights (in, out) and biases (out,), the last one linear.
         mean: by name, (inputs,) of the inputs.
         scale: by name, (inputs,) of the inputs.
         mirror: (V,) mirror image of each translation.
@@ -190,7 +190,7 @@ class NetworkRegressor:
     def tensors(self) -> dict[str, np.ndarray]:
         """Its arrays by name."""
         out = {"mirror": self.mirror}
-        for name in NETWORKS:
+        for name in self.layers:
             out |= {f"{name}.mean": self.mean[name], f"{name}.scale": self.scale[name]}
             for k, (weights, bias) in enumerate(self.layers[name]):
                 out |= {f"{name}.{k}.weight": weights, f"{name}.{k}.bias": bias}
@@ -204,7 +204,7 @@ class NetworkRegressor:
             tensors: arrays by name, as `tensors` gives them.
         """
         layers, mean, scale = {}, {}, {}
-        for name in NETWORKS:
+        for name in (name for name in NETWORKS if f"{name}.mean" in tensors):
             depth = sum(key.startswith(f"{name}.") and key.endswith(".weight") for key in tensors)
             layers[name] = [(tensors[f"{name}.{k}.weight"], tensors[f"{name}.{k}.bias"]) for k in range(depth)]
             mean[name], scale[name] = tensors[f"{name}.mean"], tensors[f"{name}.scale"]

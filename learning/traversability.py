@@ -18,6 +18,8 @@ from scenes.robots.robot import Robot
 # contact checking with support vector regression and nearest neighbours (Lin & Berenson 2017), for fixed steps
 KINDS = ("network", "network-fixed", "acc-svr", "acc-nearest", "ecc-svr", "ecc-nearest")
 
+PREDICTS = ("|Gamma+|", "exp(-|Gamma+|)")  # what row regressors and networks give, as their cards say it
+
 
 def weights_name(kind: str) -> str:
     """Name of the files with the weights of a kind of regressor."""
@@ -90,6 +92,10 @@ def load_traversability(
     if card.get("transition_model") != transition_model:
         raise WeightsError(
             f"{path}: made for the transition model {card.get('transition_model')!r}, expected {transition_model!r}"
+        )
+    if card.get("predicts") != PREDICTS[kind.startswith("network")]:
+        raise WeightsError(
+            f"{path}: predicts {card.get('predicts')!r}, expected {PREDICTS[kind.startswith('network')]!r}"
         )
     try:
         network = kind.startswith("network")

@@ -22,7 +22,9 @@ from drakeplan.campaigns.card import Card
 from drakeplan.campaigns.stored_plans import WALLS as CROSSING_WALLS
 from drakeplan.campaigns.tilted_environment import draw_environment
 from drakeplan.contact_planning.contact_plan import FootholdsName
+from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TURNS, TorsoGrid
+from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.guide.ground_view import GroundView, documented_steps
 from drakeplan.guide.useful_footsteps import TorsoPose, UsefulFootsteps
 from learning.traversability_labels import CAMPAIGN, MODES, SCHEMA, VERSION
@@ -113,7 +115,8 @@ class TraversabilityCampaign:
         torso = torso[_choose(rng, view.scores(torso)[1], self.poses)]
         (feet, pairs), palms, (feet_fit, palms_fit) = view.scores(torso), view.palm_scores(torso), view.exact(torso)
         ik = _inverse_kinematics(self.robot, self.packages)
-        counter = UsefulFootsteps(packed, robot, ik, model, steps, self.cone, self.footholds)
+        check = TransitionCheck(ContactPool(packed), robot, ik, packed, self.cone)
+        counter = UsefulFootsteps(packed, robot, check, model, steps, self.footholds)
         rows, every = [], range(len(steps.translations))
         for k, pose in enumerate(torso.tolist()):
             for mode, name in enumerate(MODES):

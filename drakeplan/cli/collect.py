@@ -11,6 +11,7 @@ from drakeplan.cli.arguments import Packages
 from scenes.input_error import InputError, unknown_name
 
 if TYPE_CHECKING:
+    from drakeplan.campaigns.braced_wall import BracedWallCampaign
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
     from drakeplan.campaigns.traversability import TraversabilityCampaign
@@ -56,7 +57,7 @@ class Arguments:
     seed: int = 0
     """of all random numbers"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
-    """robot name or robot file"""
+    """robot name or robot file; traversability also knows bracer, on walls"""
     package: Packages = ()
     """folder of package://NAME addresses in the robot's model; may be given several times"""
     friction: Annotated[float, tyro.conf.arg(metavar="MU")] = 0.5
@@ -100,7 +101,8 @@ def _check(arguments: Arguments) -> None:
         raise InputError(f"--task-timeout: expected more than 0, got {arguments.task_timeout:g}")
 
 
-def _campaign(arguments: Arguments) -> DynamicsCampaign | TraversabilityCampaign:
+def _campaign(arguments: Arguments) -> DynamicsCampaign | TraversabilityCampaign | BracedWallCampaign:
+    from drakeplan.campaigns.braced_wall import BracedWallCampaign
     from drakeplan.campaigns.dynamics import DynamicsCampaign
     from drakeplan.campaigns.traversability import TraversabilityCampaign
     from scenes.robots.addresses import read_packages
@@ -108,6 +110,8 @@ def _campaign(arguments: Arguments) -> DynamicsCampaign | TraversabilityCampaign
     packages = tuple((name, str(folder)) for name, folder in read_packages(arguments.package).items())
     if arguments.campaign == "dynamics":
         return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
+    if arguments.robot == "bracer":
+        return BracedWallCampaign()
     return TraversabilityCampaign(
         robot=arguments.robot, friction=arguments.friction, footholds=arguments.footholds, packages=packages
     )

@@ -33,7 +33,13 @@ def run_traversability(
     def tell(line: str) -> None:
         print(f"[{time.monotonic() - began:6.1f} s] {line}", file=sys.stderr, flush=True)
 
-    robot = load_robot(robot_name, read_packages(packages))
+    if robot_name == "bracer":
+        from drakeplan.bracing.bracer import Bracer
+        from drakeplan.bracing.wall_frame import robot_on_wall
+
+        robot = robot_on_wall(Bracer().mass)
+    else:
+        robot = load_robot(robot_name, read_packages(packages))
     labels = FootstepLabels.read(Path(data), robot)
     try:
         found = train_footstep_counts(labels, robot, Path(out), seed, tell)

@@ -124,12 +124,12 @@ class SearchPlanner:
         context, options, weights = self.context, self.options, self.settings.weights
         if options.heuristic != "traversability":
             return context.torso_grid
-        from drakeplan.guide.traversability_grid import TraversabilityGrid
+        from drakeplan.guide.traversability_grid import traversability_grid
 
         key = f"traversability_grid {options.chosen_estimator} {options.use_palms}"
         if key not in context.made:
             per_metre = cost_per_metre(weights, options.longest_travel(context.robot))
-            context.made[key] = TraversabilityGrid(
+            context.made[key] = traversability_grid(
                 context, options.use_palms, per_metre, weights.step, options.chosen_estimator
             )
         return cast("DistanceToGo", context.made[key])

@@ -21,9 +21,10 @@ from numba import njit
 from scenes.effector import LEFT_PALM
 from scenes.footholds.circle_cover import polygon_distance
 from scenes.footholds.free_space import FreeSpace, footprint_of, free_space
-from scenes.footholds.projection import PatchShape, contact_axes, patch_shape
+from scenes.footholds.projection import PALM_CLEARANCE, PatchShape, contact_axes, patch_shape
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain, height_at, near, over_polygon
+from scenes.terrain.solids import in_solid
 
 PITCH = 0.025  # [m] of the grid of foot scores
 POINT = 1e-3  # [m] half edge of the patch that stands for a point
@@ -112,7 +113,7 @@ def within_reach(scores: FootScores, radius: float) -> FootScores:
         for v in range(-n, n + 1):
             if 0 < u * u + v * v <= n * n:
                 z, score = (_shifted(array, u, v, fill) for array, fill in ((scores.z, np.nan), (scores.score, 0.0)))
-                better = score > best
+                better = (score > best) & (np.isnan(best_z) | (np.abs(z - scores.z) < SAME_FLOOR))
                 best_z, best = np.where(better, z, best_z), np.where(better, score, best)
     return FootScores(scores.origin, best_z, best)
 
@@ -220,7 +221,17 @@ def _fill(packed: PackedTerrain, point: PatchShape, inner: float, outer: float, 
                     continue
                 for a in range(2):
                     x[a] = R[0, a] * px + R[1, a] * py + R[2, a] * pz
-                _keep(scores, i, j, pz, score_of(room_around(x, space, alone), inner, outer))
+                score = score_of(room_around(x, space, alone), inner, outer)
+                if score > 0.0 and _in_solid(packed, k, px, py, pz, point.clearance):
+                    score = 0.0
+                _keep(scores, i, j, pz, score)
+
+
+@njit(cache=True)
+def _in_solid(packed: PackedTerrain, k: int, x: float, y: float, z: float, clearance: float) -> bool:
+    """Whether a solid fills the room over a point of a surface: where it does, none of its faces need be near."""
+    n, height = packed.normal[k], 0.5 * clearance
+    return in_solid(packed, x + height * n[0], y + height * n[1], z + height * n[2])
 
 
 @njit(cache=True)
@@ -330,4 +341,6 @@ def palm_score(
             continue
         distance = polygon_distance(x, spaces.corner[first:end], end - first)
         room = min(room, -distance if is_outline else distance)
-    return score_of(room, inner, outer)
+    score = score_of(room, inner, outer)
+    inside = score > 0.0 and _in_solid(packed, surface, p[0], p[1], p[2], PALM_CLEARANCE)
+    return 0.0 if inside else score

@@ -101,6 +101,7 @@ class GuidedPlanner:
         self._swing_is_clear: Callable[[Stance, Stance], bool] | None = None
         self._limits, self._clock, self._until = Limits(), time.perf_counter, np.inf
         self._expansions, self._ended_by, self._reason = 0, "", ""
+        self._limit = ""  # that ended a try at a segment
         self.setup_s = time.perf_counter() - began
 
     def start_problem(self) -> str:
@@ -115,7 +116,7 @@ class GuidedPlanner:
             clock: gives the time [s]; durations alone matter.
         """
         began = clock()
-        self._limits, self._clock, self._expansions, self._ended_by = limits, clock, 0, ""
+        self._limits, self._clock, self._expansions, self._ended_by, self._limit = limits, clock, 0, "", ""
         self._until = np.inf if limits.deadline is None else began + limits.deadline
         if self._parts and self._parts[-1].end == len(self.segments):
             self._ended_by = "exhausted"  # it was given already, and nothing was forbidden since
@@ -133,7 +134,7 @@ class GuidedPlanner:
                 self._beyond = max(self._beyond, first + 1)
                 self._parts.pop()
             else:
-                self._ended_by = self._over() or "exhausted"
+                self._ended_by = self._over() or self._limit or "exhausted"
                 return
         stances = (self._parts[0].stances[0], *(s for part in self._parts for s in part.stances[1:]))
         origin = tuple(name for part in self._parts for name in part.plan.origin)
@@ -245,12 +246,16 @@ class GuidedPlanner:
         """The planner's first sequence within a share of what is left."""
         limits = self._limits
         seconds = None if np.isinf(self._until) else share * max(self._until - self._clock(), 0.0)
-        most = None if limits.expansions is None else int(share * max(limits.expansions - self._expansions, 0))
+        rest = None if limits.expansions is None else max(limits.expansions - self._expansions, 0)
+        most = None if rest is None else min(rest, int(np.ceil(share * rest)))
         found = next(
             iter(planner.plans(Limits(deadline=seconds, expansions=most, improve=0.0, stop=limits.stop), self._clock)),
             None,
         )
-        self._expansions += planner.counts().expansions
+        counts = planner.counts()
+        self._expansions += counts.expansions
+        if found is None and counts.ended_by in LIMIT_REACHED:
+            self._limit = counts.ended_by
         return found
 
     def _context(self, start: Stance, end: int) -> QueryContext:

@@ -95,7 +95,7 @@ def segments(
     shortest: int = SHORTEST,
     adapt: bool = True,
 ) -> list[Segment]:
-    """The segments of a guiding path, in order.
+    """The segments of a guiding path, in order; none of a path without steps.
 
     Args:
         path: of the torso.
@@ -105,6 +105,8 @@ def segments(
         adapt: whether stored plans may be used; without them a path is cut at changes of mode alone.
     """
     found: list[Segment] = []
+    if not len(path):
+        return found
     changes = np.flatnonzero(np.diff(path.modes)) + 1
     for first, end in zip([0, *changes.tolist()], [*changes.tolist(), len(path)], strict=True):
         starts = cut(path.hardness[first:end], threshold, shortest) if adapt else [0]
@@ -113,22 +115,3 @@ def segments(
             method = method_of(path.hardness[part], decision, threshold) if adapt else "search"
             found.append(Segment(part.start, part.stop, int(path.modes[first]), method))
     return found
-
-
-def exploration_order(methods: Sequence[Method]) -> list[int]:
-    """In which order segments are planned: one that is adapted before the searched ones that lead to it (Lin 2020 alg. 6).
-
-    A searched segment then has the first stance of an adapted one for a goal; searched ones in a row go forward.
-
-    Args:
-        methods: of the segments, in the order of the path.
-    """
-    order: list[int] = []
-    waiting: list[int] = []
-    for k, method in enumerate(methods):
-        if method == "search":
-            waiting.append(k)
-        else:
-            order += [k, *waiting]
-            waiting = []
-    return order + waiting

@@ -191,7 +191,10 @@ def neighbour(graph: TorsoGraph, node: int, e: int, back: bool) -> int:
     u, v = sign * graph.offset[t, e, 0], sign * graph.offset[t, e, 1]
     other = node_at(graph, i + u, j + v, t, graph.z[node])
     # No step leads through a thin wall or over what the torso cannot pass.
-    if other >= 0 and max(abs(u), abs(v)) > 1 and not _any_at(graph, i + u // 2, j + v // 2, graph.z[node]):
+    if other < 0:
+        return -1
+    tail = other if back else node
+    if max(abs(u), abs(v)) > 1 and not _any_at(graph, i + u // 2, j + v // 2, graph.z[tail]):
         return -1
     return other
 

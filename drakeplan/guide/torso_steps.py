@@ -92,5 +92,6 @@ def torso_steps(model: TransitionModel, longest: float) -> TorsoSteps:
 def _directions(moved: np.ndarray) -> np.ndarray:
     """(n,) number of the direction of each motion (n, 2), -1 where there is none."""
     sector = 2 * np.pi / DIRECTIONS
-    number = np.floor(np.arctan2(moved[:, 1], moved[:, 0]) / sector + 0.5).astype(np.int64) % DIRECTIONS
+    angle = np.arctan2(moved[:, 1], moved[:, 0])  # halves are rounded away from straight ahead, to either side
+    number = (np.sign(angle) * np.floor(np.abs(angle) / sector + 0.5)).astype(np.int64) % DIRECTIONS
     return np.where(np.hypot(*moved.T) < 1e-6, -1, number)

@@ -29,26 +29,20 @@ class TraversabilityGrid:
         map: of the costs; None where the grid knows no way from the start.
     """
 
-    def __init__(self, context: QueryContext, use_palms: bool, per_metre: float, step: float, kind: str) -> None:
-        """Estimates costs and sums them up to the goal.
+    def __init__(
+        self, known: TraversabilityMap | None, modes: tuple[int, ...], weights: StepWeights, per_metre: float
+    ) -> None:
+        """Sums costs up to the goal.
 
         Args:
-            context: of the query.
-            use_palms: whether palms may be used.
+            known: the map of costs; None where the grid knows no way.
+            modes: motion modes that may be used, the best at each step.
+            weights: of a step of the torso, as the search counts.
             per_metre: cost of a metre of the mean of the feet in the search.
-            step: what a step costs in the search, w_s.
-            kind: of regressor, `learning.traversability.KINDS`.
-
-        Raises:
-            WeightsError: no weights for this robot, or damaged ones.
         """
-        modes = tuple(MODES.index(mode) for mode in usable_modes(context, use_palms))
-        self.map: TraversabilityMap | None = traversability_map(context, modes, kind)
-        self._to_go = np.empty(0)
-        if self.map is not None:
-            weights = StepWeights(FOOT_PER_TORSO, step, HARDNESS)
-            to_go = costs_to_go(self.map.graph, weights, self.map.row, self.map.cost, np.array(modes))
-            self._to_go = to_go / per_metre
+        self.map, self._to_go = known, np.empty(0)
+        if known is not None:
+            self._to_go = costs_to_go(known.graph, weights, known.row, known.cost, np.array(modes)) / per_metre
 
     def distance(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, yaw: np.ndarray) -> np.ndarray:
         """(n,) distance to the goal region [m], interpolated between cells; inf where there is no way.
@@ -62,6 +56,26 @@ class TraversabilityGrid:
         if self.map is None:
             return np.full(len(x), np.inf)
         return _interpolated(self.map.graph, self._to_go, x, y, z, yaw)
+
+
+def traversability_grid(
+    context: QueryContext, use_palms: bool, per_metre: float, step: float, kind: str
+) -> TraversabilityGrid:
+    """Distances of a query.
+
+    Args:
+        context: of the query.
+        use_palms: whether palms may be used.
+        per_metre: cost of a metre of the mean of the feet in the search.
+        step: what a step costs in the search, w_s.
+        kind: of regressor, `learning.traversability.KINDS`.
+
+    Raises:
+        WeightsError: no weights for this robot, or damaged ones.
+    """
+    modes = tuple(MODES.index(mode) for mode in usable_modes(context, use_palms))
+    weights = StepWeights(FOOT_PER_TORSO, step, HARDNESS)
+    return TraversabilityGrid(traversability_map(context, modes, kind), modes, weights, per_metre)
 
 
 @njit(cache=True)

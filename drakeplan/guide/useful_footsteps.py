@@ -17,14 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State
+from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State, StepCheck
 from drakeplan.contact_planning.contact_plan import FootholdsName, PlannerOptions
-from drakeplan.contact_planning.contact_pool import ContactPool
-from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.experience.stored_plan import MODE_PALMS
 from drakeplan.guide.torso_steps import CELL, TorsoSteps
-from optimization.balance.friction import FrictionCone
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.footholds.projection import patch_shape
 from scenes.footholds.snap import Footholds, Snap
 from scenes.robots.robot import Robot
@@ -59,10 +55,9 @@ class UsefulFootsteps:
         self,
         packed: PackedTerrain,
         robot: Robot,
-        ik: WholeBodyIK,
+        check: StepCheck,
         model: TransitionModel,
         steps: TorsoSteps,
-        cone: FrictionCone,
         footholds: FootholdsName,
     ) -> None:
         """Prepares the search's own moves and checks.
@@ -70,15 +65,13 @@ class UsefulFootsteps:
         Args:
             packed: the terrain.
             robot: that steps.
-            ik: its inverse kinematics.
+            check: of its steps, on this terrain.
             model: of its steps.
             steps: the same as the torso sees them.
-            cone: friction cone of every contact.
             footholds: whether feet and palms move to the nearest foothold.
         """
         self._packed, self._robot, self._steps = packed, robot, steps
-        self._pool = ContactPool(packed)
-        check = TransitionCheck(self._pool, robot, ik, packed, cone)
+        self._pool, self._check = check.pool, check
         asked = PlannerOptions(heuristic="euclidean", dynamics="quasi-static", model=model, footholds=footholds)
         self._domain = ContactDomain(packed, robot, Goal((0.0, 0.0, np.nan)), check, asked, PlannerWeights())
         self._domain.full_soles = True
@@ -147,7 +140,7 @@ class UsefulFootsteps:
         reached = np.zeros(len(cells), bool)
         for palms in self._palms(feet, mode, rng):
             state = (*feet, *palms, -1)
-            if self._domain.check.stance(state[:4]):
+            if self._check.stance(state[:4]):
                 continue
             for child, cell in self._steps_of(state, here, cells, reached):
                 if not reached[cell] and self._domain.confirm(state, child):

@@ -8,7 +8,7 @@ from drakeplan.context import QueryContext
 from drakeplan.experience import adapt_planner
 from drakeplan.guide.ground_view import GroundView, documented_steps
 from drakeplan.guide.guiding_path import guiding_path
-from drakeplan.guide.traversability_grid import TraversabilityGrid
+from drakeplan.guide.traversability_grid import traversability_grid
 from drakeplan.guide.traversability_map import traversability_map
 from learning.weights import WeightsError
 from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -33,7 +33,7 @@ def warm_up(robot: Robot, ik: WholeBodyIK) -> None:
     try:
         for kind in ("network", "acc-svr"):
             known = traversability_map(context, (0, 1, 2, 3), kind)
-        TraversabilityGrid(context, True, 1.0, 1.0, "network").distance(*(np.zeros(1) for _ in range(4)))
+        traversability_grid(context, True, 1.0, 1.0, "network").distance(*(np.zeros(1) for _ in range(4)))
         if known is not None:
             guiding_path(known, (0,))
     except WeightsError:  # a robot without weights: the planner says so

@@ -31,7 +31,7 @@ from learning.footstep_counts import (
     network_inputs,
     network_of,
 )
-from learning.traversability import KINDS, weights_name
+from learning.traversability import KINDS, PREDICTS, weights_name
 from learning.traversability_labels import CAMPAIGN, MODES, SCHEMA, VERSION
 from learning.weights import write_weights
 from scenes.input_error import InputError
@@ -135,7 +135,8 @@ def train_footstep_counts(
 ) -> list[HeldOut]:
     """Trains regressors, measures them on held-out scenes, and writes weights and cards to a folder.
 
-    Labels of steps that move to the nearest foothold make the network for these; those of fixed steps make all others.
+    Labels of steps that move to the nearest foothold make the network for these; those of fixed steps make all others, or the
+    network alone where not every motion mode has labels.
 
     Args:
         labels: of one robot.
@@ -152,7 +153,8 @@ def train_footstep_counts(
     mirror = mirror_of(translations)
     found = []
     snapped = labels.source["parameters"].get("footholds") == "snapped"
-    for kind in KINDS[:1] if snapped else KINDS[1:]:
+    fixed = KINDS[1:] if set(range(len(MODES))) <= set(train.mode.tolist()) else KINDS[1:2]
+    for kind in KINDS[:1] if snapped else fixed:
         tell(f"{kind}: training on {len(np.unique(train.scene))} environments")
         regressor = _train(kind, train, mirror, seed)
         held_out = measure(kind, regressor, test)
@@ -163,6 +165,7 @@ def train_footstep_counts(
             "robot_model_sha256": parameters["robot_model_sha256"],
             "transition_model": parameters["transition_model"],
             "footholds": parameters["footholds"],
+            "predicts": PREDICTS[kind.startswith("network")],
             "translations": translations.tolist(),
             "data": dict(labels.source),
             "seed": seed,
@@ -184,6 +187,8 @@ def measure(kind: str, regressor: FootstepCounts, test: FootstepLabels) -> HeldO
     cost, count, rank, seconds, estimates = {}, {}, {}, 0.0, 0
     for mode, name in enumerate(MODES):
         rows = test.take(test.mode == mode)
+        if not len(rows.mode):
+            continue
         seen = features_of(kind, rows)
         regressor.counts(mode, PoseFeatures(*(array[:1] for array in seen)))  # compiled before the clock runs
         began = time.perf_counter()
@@ -235,7 +240,7 @@ def _train_network(train: FootstepLabels, mirror: np.ndarray, seed: int) -> Netw
     from sklearn.neural_network import MLPRegressor
 
     both, layers, mean, scale = train.mirrored(mirror), {}, {}, {}
-    for mode in (FEET, LEFT_PALM, BOTH_PALMS):
+    for mode in (m for m in (FEET, LEFT_PALM, BOTH_PALMS) if (train.mode == m).any()):
         some = [labels.take(labels.mode == mode) for labels in (train, both)]
         x = np.concatenate([network_inputs(mode, labels.scores) for labels in some])
         y = np.exp(-np.concatenate([labels.useful for labels in some]))

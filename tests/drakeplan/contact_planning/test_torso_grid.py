@@ -243,3 +243,33 @@ def test_room_for_levels_is_made_as_they_come() -> None:
     grid = grid_on(storeys, goal=(2.0, 0.0, 4.8))
     for x, y in ((-5.0, 5.0), (5.0, -5.0)):
         assert ask(grid, x, y, z=4.8) == ask(one, x, y, z=4.8)
+
+
+def test_growing_settles_every_cell_within_a_distance_of_the_goal_and_few_beyond() -> None:
+    pillar = np.eye(4)
+    pillar[:3, 3] = [0.8, 0.2, 1.0]
+    terrain = Terrain((floor("f", -2, 3, -1.5, 1.5),), (Box("pillar", np.array([0.2, 0.6, 2.0]), pillar),))
+    whole, part = grid_on(terrain), grid_on(terrain)
+    whole.grow(np.inf)
+    cells, z, distance = whole.settled_nodes()
+    known = {
+        (*cell, round(h, 6)): d for cell, h, d in zip(map(tuple, cells.tolist()), z.tolist(), distance, strict=True)
+    }
+    assert len(known) == len(cells) and np.isfinite(distance).all()
+    for farthest in (0.3, 1.0, 2.5):  # it goes on where it was
+        part.grow(farthest)
+        cells, z, distance = part.settled_nodes()
+        some = {
+            (*cell, round(h, 6)): d for cell, h, d in zip(map(tuple, cells.tolist()), z.tolist(), distance, strict=True)
+        }
+        assert {key for key, d in known.items() if d <= farthest - 1e-9} <= some.keys() <= known.keys()
+        assert distance.max() <= farthest + 1e-9
+        assert all(d == pytest.approx(known[key], abs=1e-9) for key, d in some.items())
+    assert ask(part, -1.5, -1.0, 2.0) == pytest.approx(ask(whole, -1.5, -1.0, 2.0), abs=1e-9)
+
+
+def test_where_the_goal_is_closed_nothing_grows() -> None:
+    block = Box("block", np.array([60.0, 60.0, 60.0]), np.eye(4))
+    grid = grid_on(Terrain((floor("f", -1, 3, -1, 1),), (block,)))
+    grid.grow(np.inf)
+    assert len(grid.settled_nodes()[0]) == 0

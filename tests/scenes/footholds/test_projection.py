@@ -12,6 +12,7 @@ from scenes.contact import contact_rotation
 from scenes.footholds.projection import (
     PALM_CLEARANCE,
     PatchShape,
+    cast_ray,
     contact_axes,
     no_placements,
     project_palms,
@@ -135,6 +136,47 @@ def test_an_obstacle_in_between_blocks_a_palm_ray() -> None:
     blocked = pack_terrain(Terrain((facing,), (Box("box", np.array([0.1, 0.1, 0.1]), X_WO),)))
     assert cast(clear, [[0, 1, 0]])[2][0] == 0
     assert cast(blocked, [[0, 1, 0]])[2][0] == -1
+
+
+@settings(max_examples=150)
+@given(st.integers(0, 10_000))
+def test_a_ray_ends_at_the_first_polygon_and_counts_where_a_palm_may_touch_it(seed: int) -> None:
+    """Against every plane in turn, and shapely for what lies inside its polygon."""
+    rng, reach = np.random.default_rng(seed), (0.2, 0.9)
+    X_WO = np.eye(4)
+    X_WO[:3, 3] = rng.uniform(-0.6, 0.6, 3)
+    surfaces = []
+    for k in range(6):
+        q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * rng.uniform(0.2, 0.5, 2)
+        surfaces.append(Surface(f"s{k}", corners @ q[:, :2].T + rng.uniform(-0.6, 0.6, 3)))
+    packed = pack_terrain(Terrain(tuple(surfaces), (Box("b", rng.uniform(0.05, 0.3, 3), X_WO),)))
+    ray = rng.normal(size=3)
+    ray /= np.linalg.norm(ray)
+    met, nearest = -1, reach[1]
+    for k in range(len(packed.count)):
+        corners, along = packed.vertices[k, : packed.count[k]], packed.normal[k] @ ray
+        t = packed.normal[k] @ corners[0] / along
+        axes = np.linalg.svd(packed.normal[k : k + 1])[2][1:].T
+        inside = shapely.Polygon(corners @ axes).contains(shapely.Point(t * ray @ axes))
+        if 0.0 < t < nearest and inside:
+            nearest = t
+            usable = k < packed.num_surfaces and packed.allowed[k, 2] and along < -0.2
+            met = k if usable and t >= reach[0] else -1
+    surface, away = cast_ray(packed, 2, np.zeros(3), ray, reach, np.arange(len(packed.count)))
+    assert surface == met
+    assert away == pytest.approx(nearest, abs=1e-9)
+
+
+def test_a_ray_ends_on_the_face_of_a_body_that_a_surface_lies_on() -> None:
+    X_WO = np.eye(4)
+    X_WO[:3, 3] = [0.5, 0.8, 1.25]
+    facing = wall() if Surface("w", wall().vertices).normal[1] < 0 else wall().flipped()
+    packed = pack_terrain(Terrain((facing,), (Box("body", np.array([4.0, 0.2, 2.0]), X_WO),)))
+    surface, away = cast_ray(
+        packed, 2, np.array([0.5, 0.2, 1.4]), np.array([0.0, 1.0, 0.0]), (0.2, 0.8), np.arange(len(packed.count))
+    )
+    assert surface == 0 and away == pytest.approx(0.5)
 
 
 @settings(max_examples=200)

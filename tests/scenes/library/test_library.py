@@ -10,7 +10,7 @@ import pytest
 
 from scenes.files.scene_file import scene_from_yaml, scene_to_yaml
 from scenes.files.scene_source import list_scenes, load_scene
-from scenes.library import NAMED_SCENES, rubble_corridor, rubble_field, tilted_slab, wide_gap
+from scenes.library import NAMED_SCENES, rubble_corridor, rubble_field, three_corridors, tilted_slab, wide_gap
 from scenes.library.plates import MAX_RISE, MAX_TILT, tilt_rotation
 
 SEEDS = range(50)
@@ -314,3 +314,33 @@ def test_our_scenes_have_the_counts_sizes_places_and_ranges_of_the_published_dra
             for a, b in zip(roll_and_pitch(twin.normal), roll_and_pitch(normal), strict=True):
                 assert abs(a - b) < (2 * MAX_TILT if name in RANDOM else 1e-5) + 1e-9
     assert rubble_corridor.ROWS * rubble_corridor.LANES == 15
+
+
+def test_sparse_corridors_differ_in_how_many_quadrilaterals_they_have_and_all_lie_in_their_own():
+    counts = []
+    for seed in range(20):
+        scene = three_corridors.sparse(np.random.default_rng(seed), 6.0)
+        for k, middle in enumerate(three_corridors.MIDDLES):
+            quads = stones(scene, f"corridor_{k}_quad")
+            area = three_corridors.CORRIDOR * 1.5 * 1.5
+            low, high = three_corridors.SPREAD
+            assert round(6.0 * low * area) <= len(quads) <= round(6.0 * high * area)
+            counts.append(len(quads))
+            for quad in quads:
+                x, y, z = quad.vertices.mean(axis=0)
+                assert abs(y - middle) < 0.75 + 0.2 and 1.0 < x < 4.4 and abs(z) < MAX_RISE + 0.1
+                assert quad.allows("left_foot")
+            walls = [s for s in stones(scene, f"corridor_{k}") if "quad" not in s.name]
+            assert {np.sign(s.normal[1]) for s in walls} == {-1.0, 1.0}
+            assert all(s.allows("left_palm") and s.normal[1] * (s.centroid[1] - middle) < 0 for s in walls)
+        rooms = [s for s in scene.terrain.surfaces if s.name.endswith("room")]
+        assert len(rooms) == 2 and scene.start.xyz == (0.5, 0.0, 0.0)
+        assert rooms[1].vertices[:, 0].min() < scene.goal.xyz[0] < rooms[1].vertices[:, 0].max()
+    assert len(set(counts)) > 20
+    mean = 6.0 * three_corridors.CORRIDOR * 1.5 * 1.5
+    assert abs(np.mean(counts) - mean) < 4 * mean / np.sqrt(12 * len(counts))  # uniform shares of width 1
+
+
+def test_sparse_corridors_are_the_same_for_the_same_draws():
+    one, two, other = (three_corridors.sparse(np.random.default_rng(k), 4.0) for k in (5, 5, 6))
+    assert one.terrain.surfaces == two.terrain.surfaces != other.terrain.surfaces
