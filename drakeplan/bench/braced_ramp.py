@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from drakeplan.bench.table import BenchOptions, BenchTable, middle_and_high
-from drakeplan.bracing.bracer import Bracer
 from drakeplan.bracing.braced_planner import BracedPlan, Heuristic, plan_braced
+from drakeplan.bracing.bracer import Bracer
 from scenes.library.braced_ramp import braced_ramp
 
 MOST_SEEDS = 50
