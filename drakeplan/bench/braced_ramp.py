@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from drakeplan.bench.table import BenchOptions, BenchTable, middle_and_high
 from drakeplan.bracing.braced_planner import BracedPlan, Heuristic, plan_braced
 from drakeplan.bracing.bracer import Bracer
+from drakeplan.bracing.page import write_braced_page
 from scenes.library.braced_ramp import braced_ramp
 
 MOST_SEEDS = 50
 DEADLINE = 30.0  # [s]
+PAGE = Path("out/braced_ramp.html")
 WAYS: dict[str, tuple[Heuristic, str]] = {
     "standard": ("grid", "3.52 s, 8 steps"),
     "traversability": ("traversability", "0.11 s, 10 steps"),
@@ -33,6 +37,9 @@ def run(options: BenchOptions) -> BenchTable:
                      middle_and_high([plan.seconds for plan in plans])[0],
                      middle_and_high([plan.expansions for plan in plans])[0],
                      f"{min(steps)} to {max(steps)}" if steps else "", documented))  # fmt: skip
+    shown = next((plan for plan in found["traversability"] if plan is not None), None)
+    if shown is not None:
+        write_braced_page(shown, braced_ramp(found["traversability"].index(shown)), PAGE)
     columns = (
         "heuristic",
         "walls",
@@ -46,7 +53,7 @@ def run(options: BenchOptions) -> BenchTable:
     )
     notes = (
         "Seconds of set-up and search; Drake's inverse kinematics and a linear program then check every step.",
-        "The document's wall and robot are known from a picture: sizes and tilts here are ours.",
+        f"The first plan is drawn in {PAGE}. The document's wall and robot are known from a picture: sizes and tilts here are ours.",
     )
     title = "A wheeled robot braced on a wall along a steep ramp"
     return BenchTable("braced_ramp", title, columns, tuple(rows), notes, most_seeds=MOST_SEEDS)

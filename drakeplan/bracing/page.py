@@ -67,6 +67,7 @@ def write_braced_page(plan: BracedPlan, ramp: BracedRamp, path: str | Path) -> N
         diagram.ForcedPublish(context)
     visualizer.StopRecording()
     visualizer.PublishRecording()
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, meshcat.StaticHtml().encode())
 
 
