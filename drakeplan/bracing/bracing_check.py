@@ -49,7 +49,12 @@ class BracingCheck:
         return True
 
     def can_lift(self, held: Held, mover: int) -> str:
-        """Nothing but palms is ever lifted."""
+        """Nothing but palms is ever lifted, and that is asked with each step.
+
+        Args:
+            held: contact numbers of left and right palm first.
+            mover: 0 left, 1 right.
+        """
         return ""
 
     def stance(self, held: Held) -> str:

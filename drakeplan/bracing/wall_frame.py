@@ -23,13 +23,10 @@ from scenes.transition_model import TransitionModel
 
 R_WG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 P_WG = np.array([0.0, WALL_Y, 0.0])  # [m]
-SQUARE = (
-    0.99 * PALM_RADIUS / np.sqrt(2.0)
-)  # [m] half edge of a square inside the round palm: conservative, as in the document
-STEPS = (
-    (0.1, 0.2, 0.3, 0.4),
-    (-0.2, -0.1, 0.0, 0.1, 0.2),
-)  # [m] of the new palm ahead of and above the standing one, ibid.
+# [m] half edge of a square inside the round palm: what carries, as in the document
+SQUARE = 0.99 * PALM_RADIUS / np.sqrt(2.0)
+# [m] of the new palm ahead of and above the standing one, ibid.
+STEPS = ((0.1, 0.2, 0.3, 0.4), (-0.2, -0.1, 0.0, 0.1, 0.2))
 STEP_HEIGHT = 0.15  # [m] out of the wall between two contacts
 MODEL = "bracer"
 MODEL_FILE = Path(make_bracer.__file__).with_name("bracer.urdf")
@@ -66,10 +63,12 @@ def transition_model_of_palms() -> TransitionModel:
 def robot_on_wall(mass: float) -> Robot:
     """What the contact planner needs to know, in frame G: two feet that are palms, and nothing that could be in the way.
 
+    A palm takes the square about its disc of a surface; only the square inside it counts as support.
+
     Args:
         mass: of the robot [kg].
     """
-    palm, none = (SQUARE, SQUARE), (0.0, 0.0)
+    palm, none = (PALM_RADIUS, PALM_RADIUS), (0.0, 0.0)
     sizes = dict(zip(EFFECTORS, (palm, palm, none, none), strict=True))
     far = 10.0  # [m] legs of this length refuse nothing: reach is the arms', `drakeplan.bracing.bracing_check`
     return Robot(

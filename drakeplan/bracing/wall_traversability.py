@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from drakeplan.bracing.wall_frame import MODEL, transition_model_of_palms
-from drakeplan.contact_planning.contact_domain import DistanceToGo, PlannerWeights, cost_per_metre
+from drakeplan.contact_planning.contact_domain import PlannerWeights, cost_per_metre
+from drakeplan.contact_planning.domain_parts import DistanceToGo
 from drakeplan.contact_planning.torso_grid import TorsoGrid, TorsoGridOptions
 from drakeplan.guide.ground_view import GroundView
 from drakeplan.guide.torso_graph import CELL, StepWeights, torso_graph, torso_poses

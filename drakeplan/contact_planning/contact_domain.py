@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from drakeplan.contact_planning.contact_plan import PlannerOptions
-from drakeplan.contact_planning.contact_pool import ContactPool, Held, Rest
+from drakeplan.contact_planning.contact_pool import ContactPool, Rest
+from drakeplan.contact_planning.domain_parts import DistanceToGo, StepCheck
 from drakeplan.contact_planning.torso_grid import TorsoGrid
 from scenes.footholds.partial_support import WIGGLE, no_supports, rest_feet
 from scenes.footholds.projection import Placements, patch_shape
@@ -45,37 +45,6 @@ LEAST_WAY = 0.05  # [m] where no usual step brings the feet this much nearer to 
 PLACE = 0.1  # [m] means of the feet nearer than this are one place
 ON_A_GRID = ("grid", "traversability")  # heuristics that follow the torso round what is in its way
 TORSO_SWAY = 0.35  # [m] the real shoulder may be this far from the approximated one while a palm is held
-
-
-class StepCheck(Protocol):
-    """Decides whether the body can do a step, as `TransitionCheck` does for humanoids."""
-
-    pool: ContactPool
-    """contacts by number"""
-
-    def stands_alone(self, number: int) -> bool:
-        """Whether a single contact can carry the weight at all."""
-        ...
-
-    def can_lift(self, held: Held, mover: int) -> str:
-        """Why an end effector cannot be lifted, "" if it can; see `TransitionCheck.can_lift`."""
-        ...
-
-    def stance(self, held: Held) -> str:
-        """Why the robot cannot stand still with these contacts, "" if it can."""
-        ...
-
-    def transition(self, before: Held, after: Held) -> str:
-        """Why a step cannot be made, "" if it can; see `TransitionCheck.transition`."""
-        ...
-
-
-class DistanceToGo(Protocol):
-    """Distances of the torso to the goal, as `TorsoGrid` gives them."""
-
-    def distance(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-        """(n,) distances [m]; see `TorsoGrid.distance`."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from drakeplan.contact_planning.com_domain import ComDomain
 from drakeplan.contact_planning.contact_domain import (
     ON_A_GRID,
     ContactDomain,
-    DistanceToGo,
     PlannerWeights,
     State,
     cost_per_metre,
 )
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
 from drakeplan.contact_planning.contact_pool import ContactPool
+from drakeplan.contact_planning.domain_parts import DistanceToGo
 from drakeplan.contact_planning.dynamic_domain import DynamicDomain
 from drakeplan.contact_planning.dynamics_evaluator import DynamicsEvaluator, ExactDynamics, LearnedDynamics
 from drakeplan.contact_planning.planner import ContactPlanner

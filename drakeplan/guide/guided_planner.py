@@ -10,15 +10,17 @@ mode is searched in any mode (sec. 5.9); where that fails too, it is joined with
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drakeplan.contact_planning.contact_domain import PlannerWeights
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerCounts, PlannerOptions
 from drakeplan.contact_planning.planner import ContactPlanner
-from drakeplan.contact_planning.search_planner import LIMIT_REACHED, SearchPlanner
+from drakeplan.contact_planning.search_planner import LIMIT_REACHED, SearchPlanner, SearchSettings
 from drakeplan.contact_planning.sequence_check import SequenceCheck
 from drakeplan.context import QueryContext
 from drakeplan.experience.adapt_planner import AdaptPlanner
@@ -32,8 +34,10 @@ from scenes.scene import Goal, Start
 from scenes.stance import Stance
 
 RADIUS = 0.3  # [m] about the end of a segment that counts as there; Lin 2020 sec. 5.11 has 0.2
+MAY = SearchSettings(PlannerWeights(unheld=0.0))  # a mode says which palms may be used, not that they have to be
 ANY = -1  # in place of a mode: all palms may serve
 SHARE = 0.25  # of the time that is left for one try at a segment
+IMPROVE = 0.2  # [s] after the first contacts of a segment for shorter ones
 LAST_SHARE = 0.7  # the same for the last resort of all, the search to the goal itself
 
 
@@ -229,7 +233,7 @@ class GuidedPlanner:
         use_palms = self._options.use_palms and (mode == ANY or bool(palms))
         asked = replace(self._options, use_palms=use_palms, lean_on=palms, dynamics="quasi-static")
         context = self._context(before[-1], end)
-        planner = AdaptPlanner(context, asked) if method == "adapt" else SearchPlanner(context, asked)
+        planner = AdaptPlanner(context, asked) if method == "adapt" else SearchPlanner(context, asked, MAY)
         if self._swing_is_clear is not None:
             planner.ask_for_swings(self._swing_is_clear)
         if planner.start_problem():
@@ -243,15 +247,16 @@ class GuidedPlanner:
         return _Part(first, end, mode, method, planner, found, begin, stances)
 
     def _ask(self, planner: ContactPlanner, share: float) -> ContactPlan | None:
-        """The planner's first sequence within a share of what is left."""
+        """The planner's best sequence within a share of what is left."""
         limits = self._limits
         seconds = None if np.isinf(self._until) else share * max(self._until - self._clock(), 0.0)
         rest = None if limits.expansions is None else max(limits.expansions - self._expansions, 0)
         most = None if rest is None else min(rest, int(np.ceil(share * rest)))
-        found = next(
-            iter(planner.plans(Limits(deadline=seconds, expansions=most, improve=0.0, stop=limits.stop), self._clock)),
-            None,
-        )
+        improve = IMPROVE if limits.expansions is None else 0.0
+        asked = Limits(deadline=seconds, expansions=most, improve=improve, stop=limits.stop)
+        plans = planner.plans(asked, self._clock)
+        best = list(plans)[-1:] if limits.expansions is None else list(itertools.islice(plans, 1))
+        found = best[0] if best else None
         counts = planner.counts()
         self._expansions += counts.expansions
         if found is None and counts.ended_by in LIMIT_REACHED:

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State, StepCheck
+from drakeplan.contact_planning.contact_domain import ContactDomain, PlannerWeights, State
 from drakeplan.contact_planning.contact_plan import FootholdsName, PlannerOptions
+from drakeplan.contact_planning.domain_parts import StepCheck
 from drakeplan.experience.stored_plan import MODE_PALMS
 from drakeplan.guide.torso_steps import CELL, TorsoSteps
 from scenes.footholds.projection import patch_shape

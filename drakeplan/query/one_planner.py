@@ -203,7 +203,7 @@ def _palms_or_feet(
     result = _at_rest_or_moving(first, options, dynamics, record, tell)
     if spared and result.status != "complete" and not result.proved and not context.deadline.why():
         alone = _feet_alone(context, options, dynamics, record, tell)
-        if alone is not None and (alone.rank > result.rank or context.deadline.why() == "cancelled"):
+        if alone is not None and alone.rank > result.rank:
             return alone
     return result
 

@@ -24,7 +24,8 @@ PARTS = {  # x from, to, z from, to [m]
     "below_the_window": (0.85, 2.15, 0.45, 0.85),
     "behind_the_window": (2.2, 3.4, 0.7, 1.55),
 }
-PIPE = (1.5, 0.30, 0.12)  # [m] x of its middle, width, depth in front of the wall
+PIPE = (1.5, 0.26, 0.12)  # [m] x of its middle, width, depth in front of the wall
+BEHIND = 0.05  # [m] that the pipe reaches behind the wall, so that no tilt parts them
 START, GOAL = (0.25, 1.0), (2.95, 1.2)  # [m] x and z of the mean of the palms
 RADIUS = 0.2  # [m] of the goal
 
@@ -75,8 +76,8 @@ def braced_ramp(seed: int = 0) -> BracedRamp:
     surfaces = [wall_plate(rng, name, *sides) for name, sides in PARTS.items()]
     x, width, depth = PIPE
     X_WO = np.eye(4)
-    X_WO[:3, 3] = x, WALL_Y - depth / 2, 1.3
-    pipe = Box("pipe", np.array([width, depth + 0.1, 0.7]), X_WO)
+    X_WO[:3, 3] = x, WALL_Y - (depth - BEHIND) / 2, 1.3
+    pipe = Box("pipe", np.array([width, depth + BEHIND, 0.7]), X_WO)
     along = np.array([np.cos(PITCH), 0.0, np.sin(PITCH)])
     normal = np.array([-np.tan(PITCH), np.tan(ROLL), 1.0])
     normal /= np.linalg.norm(normal)

@@ -1,4 +1,4 @@
-"""The tables of `bench experience` and `bench rooms` count what their queries gave, and go on where they were stopped."""
+"""The tables of `bench experience` count what their queries gave, and go on where they were stopped."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drakeplan.bench import experience, rooms
+from drakeplan.bench import experience
 from drakeplan.bench.table import BenchOptions, BenchTable
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.result import PlanResult
@@ -33,9 +33,8 @@ class MadeUp:
 def made_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> MadeUp:
     answers = MadeUp()
     monkeypatch.chdir(tmp_path)
-    for module in (experience, rooms):
-        monkeypatch.setattr(module, "plan_scene", answers)
-        monkeypatch.setattr(module, "load_kernels", lambda *_: None)
+    monkeypatch.setattr(experience, "plan_scene", answers)
+    monkeypatch.setattr(experience, "load_kernels", lambda *_: None)
     times = BenchTable("experience_ranking", "times", ("plans",), (), most_seeds=0)
     monkeypatch.setattr(experience, "ranking_times", lambda *_: times)
     return answers
@@ -61,11 +60,3 @@ def test_a_smaller_library_has_so_many_plans_of_the_shipped_one(made_up: MadeUp)
     experience.run(BenchOptions(seeds=1))
     folders = sorted(Path("out/libraries").iterdir())
     assert {len(list((folder / "plans").iterdir())) for folder in folders} == set(experience.SIZES)
-
-
-def test_rooms_counts_every_scene_and_way(made_up: MadeUp) -> None:
-    table = rooms.run(BenchOptions(seeds=2))
-    assert [row[:3] for row in table.rows] == [(name, way, 2) for name in rooms.SCENES for way in rooms.WAYS]
-    before = made_up.asked
-    rooms.run(BenchOptions(seeds=2))
-    assert made_up.asked == before
