@@ -95,7 +95,12 @@ class RowRegressor:
     scale: np.ndarray
 
     def counts(self, mode: int, seen: PoseFeatures) -> np.ndarray:
-        """(n, V) predicted |Gamma+| by translation; see `FootstepCounts`."""
+        """(n, V) predicted |Gamma+| by translation, 0 or more.
+
+        Args:
+            mode: number of the motion mode.
+            seen: features of n poses.
+        """
         n, v = seen.feet.shape
         x = np.zeros((n, WIDEST))
         columns = PALM_COLUMNS[mode]
@@ -176,7 +181,12 @@ class NetworkRegressor:
     mirror: np.ndarray
 
     def counts(self, mode: int, seen: PoseFeatures) -> np.ndarray:
-        """(n, V) predicted |Gamma+| by translation; see `FootstepCounts`."""
+        """(n, V) predicted |Gamma+| by translation, 0 or more.
+
+        Args:
+            mode: number of the motion mode.
+            seen: features of n poses.
+        """
         if mode == RIGHT_PALM:
             return self.counts(LEFT_PALM, seen.mirrored(self.mirror))[:, self.mirror]
         name = network_of(mode)

@@ -89,7 +89,8 @@ def _query(name: str, seed: int, robot: Robot, ik: WholeBodyIK, asked: dict[str,
         GuidedPlanner(context, PlannerOptions(seed=seed), adapt=asked["guide"] != "segments")
         guide_s = time.perf_counter() - began
     result = plan_scene(scene, robot, PlanOptions(seed=seed, deadline=DEADLINE, **asked))  # type: ignore[arg-type]
-    methods = Counter(str(part["method"]) for part in result.report["guide"])
+    guide = result.report["guide"]
+    methods = Counter(str(part["method"]) for part in guide) if isinstance(guide, list) else Counter[str]()
     numbers = {key: result.report[key] for key in ("total_s", "stances", "palms_used", "planner", "time_to_first_s")}
     parts = {"searched": methods["search"], "adapted": methods["adapt"]}
     return {"status": result.status, "reason": result.reason, "guide_s": guide_s, **parts, **numbers}

@@ -1,5 +1,8 @@
 """The robot `bracer` on a ramp: closed forms for the search, and Drake's inverse kinematics for what the search found."""
 
+# pydrake's stubs take the first parameter of ndarray for its type, and reject every array.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportOperatorIssue=false
+
 from __future__ import annotations
 
 from functools import cached_property

@@ -75,7 +75,7 @@ class BracingCheck:
         standing = before[1 - mover]
         if self.why_not_balanced(standing):
             return "balance"
-        feasible = all(self.reaches(*held[:2], standing) for held in (before, after))
+        feasible = all(self.reaches(held[0], held[1], standing) for held in (before, after))
         return "" if feasible else "reach"
 
     def reaches(self, left: int, right: int, standing: int) -> bool:

@@ -69,7 +69,7 @@ class ComDomain(DynamicDomain):
 
     def dynamics_reason(self, state: State) -> str:
         """Why the body cannot hold the contacts with the CoM where the dynamics leave it, "" if it can."""
-        return self.contacts.check.at_com(state[:4], self._com[state[5]])
+        return self.check.at_com(state[:4], self._com[state[5]])
 
     def _com_state(self, held: Held, com: np.ndarray, velocity: np.ndarray) -> int:
         number = self._number(held, com, velocity, len(self._com))

@@ -20,7 +20,12 @@ class StepCheck(Protocol):
         ...
 
     def can_lift(self, held: Held, mover: int) -> str:
-        """Why an end effector cannot be lifted, "" if it can; see `TransitionCheck.can_lift`."""
+        """Why an end effector cannot be lifted, "" if it can.
+
+        Args:
+            held: contact numbers by end effector, -1 where free.
+            mover: index into `EFFECTORS` of the one to lift.
+        """
         ...
 
     def stance(self, held: Held) -> str:
@@ -28,7 +33,12 @@ class StepCheck(Protocol):
         ...
 
     def transition(self, before: Held, after: Held) -> str:
-        """Why a step cannot be made, "" if it can; see `TransitionCheck.transition`."""
+        """Why a step cannot be made, "" if it can.
+
+        Args:
+            before: contact numbers by end effector, -1 where free.
+            after: the same for the next stance, which differs in one end effector.
+        """
         ...
 
 
@@ -36,5 +46,12 @@ class DistanceToGo(Protocol):
     """Distances of the torso to the goal, as `TorsoGrid` gives them."""
 
     def distance(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-        """(n,) distances [m]; see `TorsoGrid.distance`."""
+        """(n,) distances to the goal [m], inf where there is no way.
+
+        Args:
+            x: (n,) of the means of the feet in W [m].
+            y: (n,) of the means of the feet in W [m].
+            z: (n,) of the means of the feet in W [m].
+            yaw: (n,) headings in W [rad].
+        """
         ...

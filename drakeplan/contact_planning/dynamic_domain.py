@@ -11,13 +11,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Hashable, Sequence
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
 from drakeplan.contact_planning.com_costs import ComCosts, DynamicWeights
 from drakeplan.contact_planning.contact_domain import ContactDomain
 from drakeplan.contact_planning.contact_pool import Held
+from drakeplan.contact_planning.transition_check import TransitionCheck
 
 State = tuple[int, ...]  # six: left foot, right foot, left palm, right palm, last mover, number of what the CoM does
 COM_CELL = 0.05  # [m] CoM positions over the same contacts nearer than this count as one,
@@ -57,6 +58,11 @@ class DynamicDomain(ABC):
         self.rejections = contacts.rejections
         self.static_balance = False
         self._numbers: dict[tuple[Hashable, tuple[int, ...]], int] = {}
+
+    @property
+    def check(self) -> TransitionCheck:
+        """The check of the contacts, which knows postures: what has dynamics is a humanoid."""
+        return cast("TransitionCheck", self.contacts.check)
 
     @abstractmethod
     def start(self, held: Held, com: np.ndarray) -> State:
@@ -99,8 +105,8 @@ class DynamicDomain(ABC):
             return False
         reason = self.dynamics_reason(state)
         if not reason and (self.static_balance or self._on_parts(parent, state)):
-            reason = self.contacts.check.transition(parent[:4], state[:4])
-        reason = reason or self.contacts.check.swing(parent[:4], state[:4])
+            reason = self.check.transition(parent[:4], state[:4])
+        reason = reason or self.check.swing(parent[:4], state[:4])
         if reason:
             self.rejections[reason] += 1
         return not reason

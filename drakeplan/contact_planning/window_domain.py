@@ -127,7 +127,7 @@ class WindowDomain(DynamicDomain):
 
     def _ask(self, window: _Window) -> None:
         """Solves a window's program and looks for postures."""
-        dynamics, pool, check = self.evaluator, self.contacts.pool, self.contacts.check
+        dynamics, pool, check = self.evaluator, self.contacts.pool, self.check
         estimate = dynamics.solve(window.start, [stance_of(pool, held) for held in window.held])
         trajectory = estimate.trajectory
         if not estimate.feasible or trajectory is None:

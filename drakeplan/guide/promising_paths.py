@@ -16,8 +16,9 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
+from drakeplan.contact_planning.torso_grid import TURNS
 from drakeplan.guide.torso_graph import TorsoGraph
 
 MOST_PATHS = 4
@@ -53,7 +54,7 @@ def promising_paths(graph: TorsoGraph, start: int) -> list[np.ndarray]:
         if path is None or far > LONGEST * shortest:
             continue
         shortest = min(shortest, far)
-        if all(cKDTree(other).query(path)[0].max() > DIFFERENT for other in found):
+        if all(KDTree(other).query(path)[0].max() > DIFFERENT for other in found):
             found.append(path)
         for share in (0.5, 0.3, 0.7):
             middle = path[int(share * (len(path) - 1))]
@@ -83,9 +84,9 @@ def nodes_near(graph: TorsoGraph, paths: list[np.ndarray], radius: float, turn: 
         ways.append(np.arctan2(smooth[1], smooth[0]))
     points, ways = np.concatenate(points), np.concatenate(ways)
     xy = graph.origin + (graph.place[:, :2] + 0.5) * graph.cell
-    away, nearest = cKDTree(points).query(np.column_stack([xy, graph.z]), distance_upper_bound=radius)
+    away, nearest = KDTree(points).query(np.column_stack([xy, graph.z]), distance_upper_bound=radius)
     near = np.flatnonzero(np.isfinite(away))
-    off = 2 * np.pi * graph.place[near, 2] / 12 - ways[nearest[near]]
+    off = 2 * np.pi * graph.place[near, 2] / TURNS - ways[np.asarray(nearest)[near]]
     return near[np.abs(np.arctan2(np.sin(off), np.cos(off))) <= turn + 1e-9]
 
 

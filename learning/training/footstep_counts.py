@@ -196,7 +196,7 @@ def measure(kind: str, regressor: FootstepCounts, test: FootstepLabels) -> HeldO
         seconds, estimates = seconds + time.perf_counter() - began, estimates + predicted.size
         cost[name] = float(np.sqrt(((np.exp(-predicted) - np.exp(-rows.useful)) ** 2).mean()))
         count[name] = float(np.abs(np.log1p(predicted) - np.log1p(rows.useful)).mean())
-        rank[name] = float(spearmanr(predicted.ravel(), rows.useful.ravel()).statistic)
+        rank[name] = float(np.asarray(spearmanr(predicted.ravel(), rows.useful.ravel()))[0])
     return HeldOut(kind, cost, count, rank, 1e6 * seconds / max(estimates, 1))
 
 
@@ -247,7 +247,7 @@ def _train_network(train: FootstepLabels, mirror: np.ndarray, seed: int) -> Netw
         name = network_of(mode)
         mean[name], scale[name] = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-3)
         model = MLPRegressor(
-            hidden_layer_sizes=HIDDEN, batch_size=min(BATCH, len(x)), learning_rate_init=STEP, max_iter=EPOCHS,
+            hidden_layer_sizes=HIDDEN, batch_size=min(BATCH, len(x)), learning_rate_init=STEP, max_iter=EPOCHS,  # type: ignore[arg-type]
             random_state=seed, tol=0.0, n_iter_no_change=EPOCHS,
         )  # fmt: skip
         with warnings.catch_warnings():

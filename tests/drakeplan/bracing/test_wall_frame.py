@@ -83,5 +83,5 @@ def test_the_square_that_stands_for_a_palm_lies_inside_it_and_the_robot_is_the_m
     assert 0.95 * PALM_RADIUS < np.hypot(SQUARE, SQUARE) <= PALM_RADIUS
     robot = robot_on_wall(42.0)
     assert robot.mass == 42.0
-    assert [tuple(e.half_extent) for e in robot.effectors[:2]] == [(SQUARE, SQUARE)] * 2
+    assert [tuple(e.half_extent) for e in robot.effectors[:2]] == [(PALM_RADIUS, PALM_RADIUS)] * 2
     assert robot.model_sha256 == hashlib.sha256(robot.model.read_bytes()).hexdigest()

@@ -170,9 +170,6 @@ def test_palms_are_hurried_where_feet_know_a_way_and_these_then_have_what_is_lef
         assert palms_s == pytest.approx(30.0 * share) and feet_s == pytest.approx(30.0)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a query that is stopped during the second attempt loses the contacts of the first"
-)
 def test_a_query_that_is_stopped_while_the_feet_are_tried_keeps_the_contacts_with_palms(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
