@@ -112,7 +112,7 @@ def test_no_palm_is_behind_the_pipe(plans, bracer: Bracer) -> None:
             fits = palms.at(palm, float(x), z) >= 0
             if abs(x - middle) < width / 2 + PALM_RADIUS - 0.005:
                 assert not fits, "behind the pipe, or its edge in the way"
-            if abs(x - middle) > width / 2 + PALM_RADIUS + 0.005:
+            if abs(x - middle) > width / 2 + PALM_RADIUS + 0.02:  # the room over a tilted palm leans
                 assert fits, "beside it"
 
 
