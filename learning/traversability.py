@@ -83,8 +83,8 @@ def load_traversability(
         tensors, card = read_weights(place, name)
     except NoWeightsError:
         raise NoWeightsError(
-            f"{place / name}.safetensors: robot {robot.name!r} has no such traversability weights; make some with "
-            f"`drakeplan collect traversability` and `drakeplan train traversability`"
+            f"{place / name}.safetensors: robot {robot.name!r} has no such traversability weights: make some with "
+            f"`drakeplan collect traversability --robot {robot.name}` and `drakeplan train traversability`"
         ) from None
     path = place / f"{name}.json"
     if card.get("robot_model_sha256") != robot.model_sha256:

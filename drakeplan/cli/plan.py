@@ -110,8 +110,8 @@ class Arguments:
     heuristic: Literal["grid", "traversability", "euclidean", "admissible"] = "grid"
     """how the search estimates what is left: length of the torso's way; the same with learned estimates of how hard the ground
     is; the straight line; a bound, with which the plan's cost is compared"""
-    guide: Literal["max", "mean", "segments"] = "max"
-    """of --planner guided: a segment is adapted from a stored plan where its hardest step, or the mean of its steps, is hard; or
+    guide: Literal["mean", "max", "segments"] = "mean"
+    """of --planner guided: a segment is adapted from a stored plan where the mean of its steps, or its hardest one, is hard; or
     all segments are searched"""
     footholds: Literal["snapped", "fixed"] = "snapped"
     """what becomes of a step or palm that does not fit where it would be set: moved to the nearest place where it does, or

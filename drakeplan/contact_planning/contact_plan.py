@@ -17,7 +17,7 @@ from scenes.transition_model import TransitionModel, transition_model
 DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "traversability", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
-GuideName = Literal["max", "mean", "segments"]
+GuideName = Literal["mean", "max", "segments"]
 FitName = Literal["quick", "strip", "strip_ends"]
 BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
@@ -54,7 +54,7 @@ class PlannerOptions:
     lean_on: tuple[int, ...] = ()
     heuristic: HeuristicName = "grid"
     estimator: str = ""
-    guide: GuideName = "max"
+    guide: GuideName = "mean"
     dynamics: DynamicsName = "quasi-static"
     timing: Timing = field(default_factory=Timing)
     model: TransitionModel = field(default_factory=transition_model)

@@ -77,7 +77,7 @@ class GuidedPlanner:
     """
 
     def __init__(
-        self, context: QueryContext, options: PlannerOptions, decision: Decision = "max", adapt: bool = True
+        self, context: QueryContext, options: PlannerOptions, decision: Decision = "mean", adapt: bool = True
     ) -> None:
         """Finds the guiding path and its segments.
 

@@ -89,7 +89,7 @@ def method_of(hardness: np.ndarray, decision: Decision, threshold: float = HARD)
 
 def segments(
     path: GuidingPath,
-    decision: Decision = "max",
+    decision: Decision = "mean",
     *,
     threshold: float = HARD,
     shortest: int = SHORTEST,

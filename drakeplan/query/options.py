@@ -80,7 +80,7 @@ class PlanOptions:
     timing: Timing = field(default_factory=Timing)
     heuristic: HeuristicName = "grid"
     estimator: str = ""
-    guide: GuideName = "max"
+    guide: GuideName = "mean"
     transition_model: str | None = None
     use_palms: bool = True
     lean_on: tuple[int, ...] = ()

@@ -24,7 +24,7 @@ PARTS = {  # x from, to, z from, to [m]
     "below_the_window": (0.85, 2.15, 0.45, 0.85),
     "behind_the_window": (2.2, 3.4, 0.7, 1.55),
 }
-PIPE = (1.5, 0.26, 0.12)  # [m] x of its middle, width, depth in front of the wall
+PIPE = (1.5, 0.28, 0.12)  # [m] x of its middle, width, depth in front of the wall
 BEHIND = 0.05  # [m] that the pipe reaches behind the wall, so that no tilt parts them
 START, GOAL = (0.25, 1.0), (2.95, 1.2)  # [m] x and z of the mean of the palms
 RADIUS = 0.2  # [m] of the goal
