@@ -1,4 +1,4 @@
-"""How many useful footsteps there are about torso poses, predicted from features: the documents' regressors and ours.
+"""How many useful footsteps there are about torso poses, predicted from features: the regressors of Lin & Berenson 2017 and ours.
 
     svr        |Gamma+| = b + sum_i a_i exp(-g |x - x_i|^2)        one for each motion mode and translation, RBF kernel
     nearest    the label of the nearest training row               the same rows
@@ -27,7 +27,7 @@ FEET, LEFT_PALM, RIGHT_PALM, BOTH_PALMS = range(
 PALM_COLUMNS = ((), (0, 1), (2, 3), (0, 1, 2, 3))  # of the palm scores, by motion mode
 MIRRORED_PALMS = (2, 3, 0, 1)  # the palm scores of a mirror image
 NETWORKS = ("feet", "palm", "palms")  # networks of the feet, of the left palm and of both
-WIDEST = 5  # features of one row of the documents' regressors
+WIDEST = 5  # features of one row of a row regressor
 LEAST_COST = 1e-9
 
 
@@ -72,7 +72,7 @@ class FootstepCounts(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RowRegressor:
-    """The documents' regressors: one for each motion mode and translation, over rows of a training set.
+    """The regressors of Lin & Berenson 2017: one for each motion mode and translation, over rows of a training set.
 
     Attributes:
         kind: "svr" or "nearest".

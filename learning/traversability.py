@@ -14,8 +14,8 @@ from learning.footstep_counts import FootstepCounts, NetworkRegressor, PoseFeatu
 from learning.weights import PRETRAINED, NoWeightsError, OtherRobotError, WeightsError, read_weights
 from scenes.robots.robot import Robot
 
-# ours, for feet that move to the nearest foothold and for the documents' fixed steps; the documents': approximate and exact
-# contact checking with support vector regression and nearest neighbours (Lin & Berenson 2017), for fixed steps
+# ours, for feet that move to the nearest foothold and for fixed steps; those of Lin & Berenson 2017, for fixed steps:
+# approximate and exact contact checking with support vector regression and nearest neighbours
 KINDS = ("network", "network-fixed", "acc-svr", "acc-nearest", "ecc-svr", "ecc-nearest")
 
 PREDICTS = ("|Gamma+|", "exp(-|Gamma+|)")  # what row regressors and networks give, as their cards say it

@@ -49,9 +49,9 @@ class TraversabilityCampaign:
 
     Attributes:
         robot: its name.
-        friction: of every surface; 0.5 in the documents.
+        friction: of every surface; 0.5 in Lin 2020 sec. 6.7.
         cone: friction cone of the checks.
-        footholds: whether feet and palms move to the nearest foothold ("snapped"), or are lost ("fixed", the documents').
+        footholds: whether feet and palms move to the nearest foothold ("snapped"), or are lost ("fixed", as in Lin & Berenson 2017).
         poses: of the torso in each environment.
         packages: names and folders of package:// addresses in the robot's model.
     """

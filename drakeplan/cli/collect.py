@@ -27,7 +27,8 @@ The same seed gives the same rows for any number of workers. A killed campaign c
 the same bit for bit. A larger --count with --resume adds to what is there.
 
 dynamics: an environment gives up to 20 labels of each transition category, about 155 in total, in some seconds of work; 1700
-give 20 000 of each. traversability: one gives 144 labels of each motion mode in half a second; 140 give 20 000 of each.
+give 20 000 of each. traversability: one gives 144 labels of each motion mode, in half a second with fixed footholds and in some
+seconds else; 140 give 20 000 of each.
 
 campaigns:
 {NAMES}
@@ -57,13 +58,13 @@ class Arguments:
     seed: int = 0
     """of all random numbers"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
-    """robot name or robot file; traversability also knows bracer, on walls"""
+    """robot name or robot file; traversability also knows bracer: palms on walls, in fixed steps"""
     package: Packages = ()
     """folder of package://NAME addresses in the robot's model; may be given several times"""
     friction: Annotated[float, tyro.conf.arg(metavar="MU")] = 0.5
     """of every surface"""
     footholds: Literal["snapped", "fixed"] = "snapped"
-    """of traversability: whether feet and palms move to the nearest foothold, or are lost as in the documents"""
+    """of traversability: whether feet and palms move to the nearest foothold, or are lost as in Lin & Berenson 2017"""
     task_timeout: Annotated[float, tyro.conf.arg(metavar="S")] = 600.0
     """time limit of one environment [s]; an environment that exceeds it is set aside (quarantine)"""
     resume: bool = False

@@ -23,7 +23,8 @@ ABOUT = """Trains surrogates: networks that predict in microseconds what a progr
 
 SURROGATE is one of
   dynamics        feasibility, objective, final CoM and velocity of a contact transition (Lin et al. 2019); needs torch
-  traversability  how many footsteps lead on from a torso pose (Lin & Berenson 2017): ours, and the documents' four regressors
+  traversability  how many footsteps lead on from a torso pose (Lin & Berenson 2017): a network, and the four
+                  regressors of that paper
 The data come from `drakeplan collect`. Whole scenes are held out; the table reports errors on scenes that were not used in training.
 
 A training of dynamics that was killed goes on from its last epoch when the same command is given again, and the same data,

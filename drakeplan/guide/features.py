@@ -5,7 +5,7 @@
     ECC   N_f(phi) = pairs of feet that both fit, from which some step in direction phi fits
           N_p[i] = palm rays in quadrant i that end where a whole palm fits
 
-Beside them stands S_pairs, the sum over pairs of feet of S(left) S(right): it has no place in the documents.
+Beside them stands S_pairs, the sum over pairs of feet of S(left) S(right): it is ours.
 """
 
 # An element of an integer array is an integer to a kernel, and an array to the type checker.

@@ -32,7 +32,7 @@ from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
 from scenes.transition_model import TransitionModel, transition_model
 
-MODEL = "planning"  # the documents' steps (Lin & Berenson 2017 fig. 2)
+MODEL = "planning"  # as many steps as in Lin & Berenson 2017 fig. 2
 AROUND = 1.2  # [m] about the poses: what feet and palms reach
 
 

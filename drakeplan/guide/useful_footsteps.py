@@ -6,7 +6,7 @@
 Where feet may move to the nearest foothold, pairs are set down so, each counts once, and v counts from their own mean.
 
 A pair is useful when some transition of the search, judged by its own check of balance and reach, makes the translation. Where
-a mode has palms, they are placed first: of all palm contacts that the rays find, `PALMS_TRIED` are tried (n_p,lim in the documents).
+a mode has palms, they are placed first: of all palm contacts that the rays find, `PALMS_TRIED` are tried (n_p,lim of alg. 4).
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ from learning.weights import write_weights
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 
-ROWS = 600  # training rows of each of the documents' regressors: their time grows with it
+ROWS = 600  # training rows of each row regressor: its time grows with them
 SVR_OPTIONS = {"C": 10.0, "epsilon": 0.1, "gamma": "scale"}
 HIDDEN, EPOCHS, BATCH, STEP = (64, 64), 60, 256, 2e-3
 
@@ -258,7 +258,7 @@ def _train_network(train: FootstepLabels, mirror: np.ndarray, seed: int) -> Netw
 
 
 def _train_rows(kind: str, train: FootstepLabels, seed: int) -> RowRegressor:
-    """The documents' regressors: one for each motion mode and translation."""
+    """The regressors of Lin & Berenson 2017: one for each motion mode and translation."""
     from sklearn.svm import SVR
 
     rng, method = np.random.default_rng(seed), kind.split("-")[1]
