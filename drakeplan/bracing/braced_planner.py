@@ -25,8 +25,9 @@ from drakeplan.search.ana_star import AnaStar, Limits
 from optimization.balance.static_equilibrium import ContactArrays
 from scenes.footholds.projection import no_placements, patch_shape, project_feet
 from scenes.library.braced_ramp import BracedRamp
+from scenes.robots.robot import Robot
 from scenes.scene import Goal
-from scenes.terrain.packed_terrain import pack_terrain
+from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 
 APART = 0.3  # [m] between the palms at the start
 MOST_ROUNDS = 50  # searches after steps that Drake refused
@@ -89,7 +90,7 @@ def plan_braced(
     distances = (
         grid if heuristic == "grid" else wall_distances(packed, robot, goal, pool.p[list(start[:2])].mean(axis=0))
     )
-    domain = ContactDomain(packed, robot, goal, check, options, PlannerWeights(), distances)  # type: ignore[arg-type]
+    domain = ContactDomain(packed, robot, goal, check, options, PlannerWeights(), distances)
     domain.full_soles = True
     expansions = refused = 0
     for _ in range(MOST_ROUNDS):
@@ -112,7 +113,7 @@ def plan_braced(
     return None
 
 
-def _start(ramp: BracedRamp, packed, robot, pool: ContactPool) -> State:  # noqa: ANN001
+def _start(ramp: BracedRamp, packed: PackedTerrain, robot: Robot, pool: ContactPool) -> State:
     """Both palms on the wall about the start, the right one ahead."""
     middle, numbers = to_wall(ramp.start), []
     for palm, sign in ((0, -1.0), (1, 1.0)):

@@ -156,10 +156,13 @@ class GuidedPlanner:
         """
         for k, part in enumerate(self._parts):
             if transition < part.begin + len(part.stances) - 1:
-                released = len(part.stances) - len(part.plan.stances)
-                part.planner.forbid(part.plan, max(transition - part.begin - released, 0))
                 self._again, self._parts = part, self._parts[:k]
-                return
+                break
+        # Several transitions may be refused at once; those of later segments are planned anew anyway.
+        again = self._again
+        if again is not None and again.begin <= transition < again.begin + len(again.stances) - 1:
+            released = len(again.stances) - len(again.plan.stances)
+            again.planner.forbid(again.plan, max(transition - again.begin - released, 0))
 
     def ask_for_swings(self, swing_is_clear: Callable[[Stance, Stance], bool]) -> None:
         """From now on refuses every transition whose foot or palm finds no way past the terrain.

@@ -144,6 +144,18 @@ def test_a_transition_that_was_forbidden_does_not_come_back(ik, monkeypatch, whe
         assert not forbidden & set(itertools.pairwise(plan.stances))
 
 
+def test_several_transitions_of_one_segment_may_be_forbidden_at_once(ik, monkeypatch) -> None:
+    thirds(monkeypatch)
+    found = planner(straight(), ik)
+    plan = first(found)
+    steps = list(itertools.pairwise(plan.stances))
+    for k in (0, 1):
+        found.forbid(plan, k)
+    again = first(found)
+    holds(again, found.context)
+    assert not {steps[0], steps[1]} & set(itertools.pairwise(again.stances))
+
+
 def test_what_comes_before_a_forbidden_transition_is_kept(ik, monkeypatch) -> None:
     thirds(monkeypatch)
     found = planner(straight(), ik)
