@@ -40,7 +40,7 @@ class BracingCheck:
         """
         self.pool, self.asked = pool, 0
         self._ramp, self._bracer = ramp, bracer
-        self._known: dict[tuple[int, int], str] = {}
+        self._known: dict[int, str] = {}
         self._into = ramp.ramp.T @ np.array([0.0, 1.0, 0.0])
         self._wheels = [(p, ramp.ramp, FRICTION_OF_WHEELS, WHEEL, 1.0) for p in bracer.wheels]
 
@@ -91,14 +91,14 @@ class BracingCheck:
         return all(self._bracer.reaches(k, points[k], self._into) for k in (0, 1))
 
     def why_not_balanced(self, standing: int) -> str:
-        """ "balance" where wheels and this palm alone cannot hold the robot, the CoM a centimetre off to any side; else ""."""
-        if (standing, 0) not in self._known:
+        """Says "balance" where wheels and this palm alone do not hold the robot, its CoM a centimetre off to any side; else ""."""
+        if standing not in self._known:
             arrays, X_WB = self.supports(standing), self.base(standing)
             com = X_WB[:3, :3] @ self._bracer.com + X_WB[:3, 3]
             aside = MARGIN * np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
             held = all(is_balanced(*arrays, com[:2] + shift) for shift in aside)
-            self._known[standing, 0] = "" if held else "balance"
-        return self._known[standing, 0]
+            self._known[standing] = "" if held else "balance"
+        return self._known[standing]
 
     def base(self, standing: int) -> np.ndarray:
         """(4, 4) pose of the base with its torso beside a palm [m]."""

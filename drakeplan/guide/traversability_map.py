@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drakeplan.contact_planning.sequence_check import feet_heading
 from drakeplan.contact_planning.torso_grid import TURNS, TorsoGrid, TorsoGridOptions
 from drakeplan.context import QueryContext
 from drakeplan.guide.ground_view import MODEL, GroundView, documented_steps
@@ -47,7 +48,7 @@ def guide_graph(context: QueryContext, translations: np.ndarray, feet: Stance) -
         feet: stance to start from.
     """
     grid = TorsoGrid(context.packed, context.robot, context.goal, TorsoGridOptions(cell=CELL))
-    mean, yaw = feet.feet_mean(), float(np.mean([c.heading for c in feet.contacts[:2] if c is not None]))
+    mean, yaw = feet.feet_mean(), feet_heading(feet)
     distance = float(grid.distance(*(np.array([a]) for a in (*mean, yaw)))[0])
     if not np.isfinite(distance):
         return None
