@@ -15,9 +15,10 @@ from drakeplan.bracing.bracing_check import BracingCheck
 from drakeplan.bracing.wall_frame import MODEL, robot_on_wall, transition_model_of_palms, wall_as_ground
 from drakeplan.bracing.wall_traversability import palm_steps
 from drakeplan.campaigns.campaign import Row
+from drakeplan.campaigns.pose_rows import PlaceOfPoses, pose_rows
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.guide.ground_view import GroundView
-from drakeplan.guide.useful_footsteps import TorsoPose, UsefulFootsteps
+from drakeplan.guide.useful_footsteps import UsefulFootsteps
 from learning.traversability_labels import CAMPAIGN, SCHEMA, VERSION
 from scenes.library.braced_ramp import FRICTION_OF_PALMS, WALL_Y, braced_ramp
 from scenes.library.plates import rectangle, tilted_plate
@@ -87,30 +88,7 @@ class BracedWallCampaign:
         torso[:, 0] = rng.uniform(0.3, LENGTH - 0.3, self.poses)
         torso[:, 1] = rng.uniform(HEIGHT[0] + 0.2, HEIGHT[1] - 0.2, self.poses)
         view = GroundView(packed, robot, steps, model.rays, torso[:, :2].min(axis=0), torso[:, :2].max(axis=0))
-        (feet, pairs), (feet_fit, palms_fit) = view.scores(torso), view.exact(torso)
-        rows = []
-        for k, pose in enumerate(torso.tolist()):
-            useful, count = counter.count(TorsoPose(*pose), "feet", range(len(steps.translations)), rng)
-            rows += [
-                {
-                    "scene": task,
-                    "pose": k,
-                    "ground": "wall",
-                    "walls": "none",
-                    "mode": 0,
-                    "translation": v,
-                    "torso": pose,
-                    "foot_scores": feet[k, v],
-                    "pair_scores": pairs[k],
-                    "palm_scores": np.zeros(4),
-                    "feet_fit": feet_fit[k, v],
-                    "palms_fit": palms_fit[k],
-                    "pairs": count,
-                    "useful": useful[v],
-                }
-                for v in range(len(steps.translations))
-            ]
-        return rows
+        return pose_rows(PlaceOfPoses(task, "wall", "none"), torso, view, counter, ("feet",), rng)
 
 
 def draw_wall(rng: np.random.Generator) -> Terrain:

@@ -13,14 +13,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from drakeplan.campaigns.campaign import Row
+from drakeplan.campaigns.campaign_robot import campaign_ik, campaign_robot
 from drakeplan.campaigns.card import Card
 from drakeplan.campaigns.label_walk import Label, LabelWalk, WalkOptions
 from drakeplan.campaigns.tilted_environment import GROUNDS, TiltedEnvironment, draw_environment
@@ -29,9 +28,8 @@ from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.input_error import InputError
-from scenes.robots.robot import Robot, load_robot
+from scenes.robots.robot import Robot
 
 ENVIRONMENT_DRAWS = 20  # terrains on which nobody can stand are drawn again
 
@@ -73,7 +71,7 @@ class DynamicsCampaign:
     @property
     def parameters(self) -> Mapping[str, Any]:
         """The robot with its model, the walk, and the whole problem that the program solves."""
-        robot = _robot(self.robot, self.packages)
+        robot = campaign_robot(self.robot, self.packages)
         return {
             "robot": robot.name,
             "robot_model_sha256": robot.model_sha256,
@@ -90,15 +88,13 @@ class DynamicsCampaign:
             task: its number in the campaign.
         """
         rng = np.random.default_rng(seed)
-        robot = _robot(self.robot, self.packages)
+        robot = campaign_robot(self.robot, self.packages)
         for _ in range(ENVIRONMENT_DRAWS):
             environment = draw_environment(rng, self.friction)
             # New for each walk: what a program answers may depend, in the last bits, on what it was asked before.
             dynamics = TransitionDynamics(robot, self._options(robot))
             try:
-                walk = LabelWalk(
-                    environment, robot, _inverse_kinematics(self.robot, self.packages), dynamics, self.walk, rng
-                )
+                walk = LabelWalk(environment, robot, campaign_ik(self.robot, self.packages), dynamics, self.walk, rng)
             except InputError:
                 continue
             return [label_row(label, walk, environment, task) for label in walk.labels()]
@@ -182,15 +178,6 @@ def counts_text(card: Card) -> str:
         for row in (heads, *rows)
     ]
     return "\n".join(lines)
-
-
-def _robot(name: str, packages: tuple[tuple[str, str], ...]) -> Robot:
-    return load_robot(name, {package: Path(folder) for package, folder in packages})
-
-
-@lru_cache(maxsize=1)
-def _inverse_kinematics(robot: str, packages: tuple[tuple[str, str], ...]) -> WholeBodyIK:
-    return WholeBodyIK(_robot(robot, packages))
 
 
 def _plain(value: Any) -> Any:

@@ -10,20 +10,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from drakeplan.campaigns.campaign import Row
+from drakeplan.campaigns.campaign_robot import campaign_robot
 from drakeplan.experience.stored_plan import MODE_PALMS, store_plan
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from scenes.input_error import InputError
 from scenes.library.random_surfaces import crossing
-from scenes.robots.robot import Robot, load_robot
 from scenes.scene import Scene
 
 LENGTH = (0.8, 4.2)  # [m] of the rubble; queries cut plans where they need less
@@ -87,7 +85,7 @@ class PlansCampaign:
     @property
     def parameters(self) -> Mapping[str, Any]:
         """The robot with its model, and what is asked of the search."""
-        robot = _robot(self.robot, self.packages)
+        robot = campaign_robot(self.robot, self.packages)
         return {
             "robot": robot.name,
             "robot_model_sha256": robot.model_sha256,
@@ -105,7 +103,7 @@ class PlansCampaign:
             task: its number in the campaign.
         """
         mode = ROUND[task % len(ROUND)]
-        robot = _robot(self.robot, self.packages)
+        robot = campaign_robot(self.robot, self.packages)
         options = PlanOptions(
             dynamics="quasi-static",
             friction=self.friction,
@@ -136,8 +134,3 @@ def draw_crossing(rng: np.random.Generator, mode: str, task: int) -> Scene:
     slope = 0.0 if rng.uniform() < LEVEL_SHARE else float(rng.uniform(*SLOPES))
     scene = crossing(rng, float(rng.uniform(*LENGTH)), slope=slope, walls=WALLS[mode])
     return dataclasses.replace(scene, name=f"crossing_{task}")
-
-
-@lru_cache(maxsize=2)
-def _robot(name: str, packages: tuple[tuple[str, str], ...]) -> Robot:
-    return load_robot(name, {package: Path(folder) for package, folder in packages})

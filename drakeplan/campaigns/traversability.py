@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from drakeplan.campaigns.campaign import Row
+from drakeplan.campaigns.campaign_robot import campaign_ik, campaign_robot
 from drakeplan.campaigns.card import Card
+from drakeplan.campaigns.pose_rows import PlaceOfPoses, pose_rows
 from drakeplan.campaigns.stored_plans import WALLS as CROSSING_WALLS
 from drakeplan.campaigns.tilted_environment import draw_environment
 from drakeplan.contact_planning.contact_plan import FootholdsName
@@ -26,12 +26,11 @@ from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.torso_grid import TURNS, TorsoGrid
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.guide.ground_view import GroundView, documented_steps
-from drakeplan.guide.useful_footsteps import TorsoPose, UsefulFootsteps
+from drakeplan.guide.useful_footsteps import UsefulFootsteps
 from learning.traversability_labels import CAMPAIGN, MODES, SCHEMA, VERSION
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
-from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
 from scenes.library.random_surfaces import GROUND_DENSITY, crossing
-from scenes.robots.robot import Robot, load_robot
+from scenes.robots.robot import Robot
 from scenes.scene import Goal
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 from scenes.terrain.terrain import Terrain
@@ -82,7 +81,7 @@ class TraversabilityCampaign:
     @property
     def parameters(self) -> Mapping[str, Any]:
         """The robot with its model, its steps, and what is asked of a step."""
-        robot = _robot(self.robot, self.packages)
+        robot = campaign_robot(self.robot, self.packages)
         model, steps = documented_steps(robot)
         return {
             "robot": robot.name,
@@ -103,7 +102,7 @@ class TraversabilityCampaign:
             task: its number in the campaign.
         """
         rng = np.random.default_rng(seed)
-        robot = _robot(self.robot, self.packages)
+        robot = campaign_robot(self.robot, self.packages)
         terrain, far, ground, walls = _draw(rng, self.friction)
         packed = pack_terrain(terrain)
         torso = _draw_poses(rng, packed, robot, far, DRAWN * self.poses)
@@ -113,34 +112,10 @@ class TraversabilityCampaign:
         low, high = torso[:, :2].min(axis=0), torso[:, :2].max(axis=0)
         view = GroundView(packed, robot, steps, model.rays, low, high, self.footholds)
         torso = torso[_choose(rng, view.scores(torso)[1], self.poses)]
-        (feet, pairs), palms, (feet_fit, palms_fit) = view.scores(torso), view.palm_scores(torso), view.exact(torso)
-        ik = _inverse_kinematics(self.robot, self.packages)
+        ik = campaign_ik(self.robot, self.packages)
         check = TransitionCheck(ContactPool(packed), robot, ik, packed, self.cone)
         counter = UsefulFootsteps(packed, robot, check, model, steps, self.footholds)
-        rows, every = [], range(len(steps.translations))
-        for k, pose in enumerate(torso.tolist()):
-            for mode, name in enumerate(MODES):
-                useful, count = counter.count(TorsoPose(*pose), name, every, rng)
-                rows += [
-                    {
-                        "scene": task,
-                        "pose": k,
-                        "ground": ground,
-                        "walls": walls,
-                        "mode": mode,
-                        "translation": v,
-                        "torso": pose,
-                        "foot_scores": feet[k, v],
-                        "pair_scores": pairs[k],
-                        "palm_scores": palms[k],
-                        "feet_fit": feet_fit[k, v],
-                        "palms_fit": palms_fit[k],
-                        "pairs": count,
-                        "useful": useful[v],
-                    }
-                    for v in every
-                ]
-        return rows
+        return pose_rows(PlaceOfPoses(task, ground, walls), torso, view, counter, MODES, rng)
 
 
 def counts_text(card: Card) -> str:
@@ -186,13 +161,3 @@ def _draw_poses(
         return np.empty((0, 4))
     chosen = rng.integers(len(cells), size=count)
     return np.column_stack([places[chosen], 2 * np.pi * cells[chosen, 2] / TURNS])
-
-
-@lru_cache(maxsize=2)
-def _robot(name: str, packages: tuple[tuple[str, str], ...]) -> Robot:
-    return load_robot(name, {package: Path(folder) for package, folder in packages})
-
-
-@lru_cache(maxsize=1)
-def _inverse_kinematics(robot: str, packages: tuple[tuple[str, str], ...]) -> WholeBodyIK:
-    return WholeBodyIK(_robot(robot, packages))

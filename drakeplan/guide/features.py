@@ -25,6 +25,7 @@ from scenes.terrain.packed_terrain import PackedTerrain, near
 
 QUADRANTS = 4  # left front, left back, right front, right back
 WINDOW = 81  # points of the grid of scores along a side of the square about the torso
+FARTHEST = (WINDOW // 2 - 1) * PITCH  # [m] of a foot from the torso that the square holds
 
 
 class StepTables(NamedTuple):
@@ -33,7 +34,6 @@ class StepTables(NamedTuple):
     Attributes:
         pairs, mover, place, translation, direction: as there.
         first: (G + 1,) the further steps from pair g are first[g] to first[g + 1].
-        num_translations: V.
     """
 
     pairs: np.ndarray
@@ -42,16 +42,14 @@ class StepTables(NamedTuple):
     place: np.ndarray
     translation: np.ndarray
     direction: np.ndarray
-    num_translations: int
 
 
 def step_tables(steps: TorsoSteps) -> StepTables:
     """The arrays of all steps."""
     farthest = max(np.abs(steps.place[:, :2]).max(), np.abs(steps.pairs[:, :, :2]).max())
-    assert np.sqrt(2.0) * farthest < (WINDOW // 2 - 1) * PITCH, "the window of scores is too small for these steps"
+    assert np.sqrt(2.0) * farthest < FARTHEST, "the window of scores is too small for these steps"
     first = np.searchsorted(steps.pair, np.arange(len(steps.pairs) + 1))
-    rest = (steps.mover, steps.place, steps.translation, steps.direction)
-    return StepTables(steps.pairs, first, *rest, len(steps.translations))
+    return StepTables(steps.pairs, first, steps.mover, steps.place, steps.translation, steps.direction)
 
 
 @njit(cache=True)
@@ -112,25 +110,47 @@ def palm_features(
         yaw: its heading in W [rad].
         out: (4,) is written here.
     """
-    c, s = np.cos(yaw), np.sin(yaw)
-    origin, ray, p = np.empty(3), np.empty(3), np.empty(3)
+    p = np.empty(3)
     out[:] = 0.0
-    far = rays.reach[1] + abs(rays.shoulder[0]) + abs(rays.shoulder[1])
-    around = near(packed, x - far, y - far, x + far, y + far)
+    around = _in_reach(packed, rays, x, y)
     for side in range(2):
-        sign = 1.0 if side == 0 else -1.0
-        u, v = rays.shoulder[0], sign * rays.shoulder[1]
-        origin[0], origin[1], origin[2] = x + c * u - s * v, y + s * u + c * v, z + rays.shoulder[2]
         for m in range(rays.rays.shape[0]):
-            du, dv = rays.rays[m, 0], sign * rays.rays[m, 1]
-            ray[0], ray[1], ray[2] = c * du - s * dv, s * du + c * dv, rays.rays[m, 2]
-            k, t = cast_ray(packed, 2 + side, origin, ray, rays.reach, around)
-            if k < 0:
-                continue
-            for b in range(3):
-                p[b] = origin[b] + t * ray[b]
-            quadrant = 2 * side + (0 if u + t * du >= 0.0 else 1)
-            out[quadrant] += palm_score(packed, spaces, k, p, rays.inner, rays.outer)
+            k, quadrant = _cast(packed, rays, side, m, x, y, z, yaw, around, p)
+            if k >= 0:
+                out[quadrant] += palm_score(packed, spaces, k, p, rays.inner, rays.outer)
+
+
+@njit(cache=True)
+def _in_reach(packed: PackedTerrain, rays: PalmRays, x: float, y: float) -> np.ndarray:
+    """(m,) polygons that the palms' rays may meet about a torso, ascending."""
+    far = rays.reach[1] + abs(rays.shoulder[0]) + abs(rays.shoulder[1])
+    return near(packed, x - far, y - far, x + far, y + far)
+
+
+@njit(cache=True)
+def _cast(
+    packed: PackedTerrain,
+    rays: PalmRays,
+    side: int,
+    m: int,
+    x: float,
+    y: float,
+    z: float,
+    yaw: float,
+    around: np.ndarray,
+    p: np.ndarray,
+) -> tuple[int, int]:
+    """The surface that ray m of a side meets, -1 for none, and the quadrant of the torso that point p, written here, is in."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    sign = 1.0 if side == 0 else -1.0
+    u, v = rays.shoulder[0], sign * rays.shoulder[1]
+    du, dv = rays.rays[m, 0], sign * rays.rays[m, 1]
+    origin = np.array([x + c * u - s * v, y + s * u + c * v, z + rays.shoulder[2]])
+    ray = np.array([c * du - s * dv, s * du + c * dv, rays.rays[m, 2]])
+    k, t = cast_ray(packed, 2 + side, origin, ray, rays.reach, around)
+    for b in range(3):
+        p[b] = origin[b] + t * ray[b]
+    return k, 2 * side + (0 if u + t * du >= 0.0 else 1)
 
 
 @njit(cache=True)
@@ -162,7 +182,7 @@ def exact_features(
     out[:] = 0.0
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
     p, R, at, z_range = np.empty(3), np.empty((3, 3)), np.empty(3), (z - rise, z + rise)
-    here = np.array([[x - 0.8, y - 0.8, 0.0], [x + 0.8, y + 0.8, 0.0]])
+    here = np.array([[x - FARTHEST, y - FARTHEST, 0.0], [x + FARTHEST, y + FARTHEST, 0.0]])
     around = near_patches(packed, here, sole, 0.0)
     found = np.zeros(DIRECTIONS, np.bool_)
     fits = 0
@@ -208,24 +228,13 @@ def exact_palm_features(
         yaw: its heading in W [rad].
         out: (4,) is written here.
     """
-    c, s = np.cos(yaw), np.sin(yaw)
     work = np.empty((2, packed.vertices.shape[1] + 8, 3))
-    origin, ray, p, R = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    p, R = np.empty(3), np.empty((3, 3))
     out[:] = 0.0
-    far = rays.reach[1] + abs(rays.shoulder[0]) + abs(rays.shoulder[1])
-    around = near(packed, x - far, y - far, x + far, y + far)
+    around = _in_reach(packed, rays, x, y)
     for side in range(2):
-        sign = 1.0 if side == 0 else -1.0
-        u, v = rays.shoulder[0], sign * rays.shoulder[1]
-        origin[0], origin[1], origin[2] = x + c * u - s * v, y + s * u + c * v, z + rays.shoulder[2]
         for m in range(rays.rays.shape[0]):
-            du, dv = rays.rays[m, 0], sign * rays.rays[m, 1]
-            ray[0], ray[1], ray[2] = c * du - s * dv, s * du + c * dv, rays.rays[m, 2]
-            k, t = cast_ray(packed, 2 + side, origin, ray, rays.reach, around)
-            if k < 0:
-                continue
-            for b in range(3):
-                p[b] = origin[b] + t * ray[b]
-            contact_axes(packed.normal[k], yaw, True, R)
-            if patch_fits(packed, k, p, R, palm, around, work):
-                out[2 * side + (0 if u + t * du >= 0.0 else 1)] += 1.0
+            k, quadrant = _cast(packed, rays, side, m, x, y, z, yaw, around, p)
+            if k >= 0:
+                contact_axes(packed.normal[k], yaw, True, R)
+                out[quadrant] += patch_fits(packed, k, p, R, palm, around, work)

@@ -27,7 +27,7 @@ from drakeplan.guide.torso_graph import (
 from drakeplan.guide.traversability_map import TraversabilityMap
 
 MODES = 4
-DOCUMENTED = StepWeights(1.0, 3.0, 10.0, 2.0)  # Lin 2020 sec. 5.11
+DOCUMENTED = StepWeights()
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,15 +117,7 @@ def _search(
         place[s] = SETTLED
         n, mode = s // MODES, s % MODES
         if graph.goal[n]:
-            length, at = 1, s
-            while before[at] >= 0:
-                at, length = before[at], length + 1
-            path = np.empty((length, 3), np.int64)
-            at = s
-            for k in range(length - 1, -1, -1):
-                path[k, 0], path[k, 1], path[k, 2] = at // MODES, at % MODES, by[at]
-                at = before[at]
-            return path, so_far[s]
+            return _way_to(s, before, by), so_far[s]
         t = graph.place[n, 2]
         for e in range(steps):
             other = neighbour(graph, n, e, False)
@@ -145,3 +137,17 @@ def _search(
                         push(heap, place, size, r)
                     sift_up(heap, place, estimate, place[r])
     return np.empty((0, 3), np.int64), np.inf
+
+
+@njit(cache=True)
+def _way_to(s: int, before: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """(N, 3) nodes, modes and steps of the way to a state, first to last."""
+    length, at = 1, s
+    while before[at] >= 0:
+        at, length = before[at], length + 1
+    path = np.empty((length, 3), np.int64)
+    at = s
+    for k in range(length - 1, -1, -1):
+        path[k, 0], path[k, 1], path[k, 2] = at // MODES, at % MODES, by[at]
+        at = before[at]
+    return path

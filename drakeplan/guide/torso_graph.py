@@ -60,7 +60,7 @@ class TorsoGraph(NamedTuple):
 
 
 class StepWeights(NamedTuple):
-    """Weights of a step of the torso (Lin 2020 eq. 5.3), l w_length + w_s + w_tr Delta g_tr + M.
+    """Weights of a step of the torso (Lin 2020 eq. 5.3), l w_length + w_s + w_tr Delta g_tr + M; defaults of Lin 2020 sec. 5.11.
 
     Attributes:
         length: of the step's length; 1 in the document.

@@ -42,12 +42,6 @@ class TorsoSteps:
     direction: np.ndarray
 
     @property
-    def mirror(self) -> np.ndarray:
-        """(V,) the translation that is the mirror image of each, left for right."""
-        known = {(x, y): k for k, (x, y) in enumerate(self.translations.tolist())}
-        return np.array([known[x, -y] for x, y in self.translations.tolist()])
-
-    @property
     def direction_of_translation(self) -> np.ndarray:
         """(V,) the direction of motion of each translation, -1 for the one that stays."""
         return _directions(self.translations * CELL)

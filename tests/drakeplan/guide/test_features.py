@@ -12,6 +12,7 @@ from drakeplan.guide.features import WINDOW, step_tables
 from drakeplan.guide.ground_view import AROUND, GroundView
 from drakeplan.guide.torso_steps import DIRECTIONS
 from learning.footstep_counts import MIRRORED_PALMS
+from learning.training.footstep_counts import mirror_of
 from scenes.contact import contact_rotation
 from scenes.effector import EFFECTORS
 from scenes.footholds.projection import (
@@ -24,6 +25,8 @@ from scenes.footholds.projection import (
 from scenes.pose import rpy_rotation
 from scenes.terrain.packed_terrain import PackedTerrain, pack_terrain
 from scenes.terrain.terrain import Terrain
+
+MIRROR = mirror_of(STEPS.translations)
 
 RISE = ESCHER.max_step_height
 SOLE = patch_shape(ESCHER.effectors[0])
@@ -222,7 +225,7 @@ def test_the_mirror_image_of_the_ground_has_the_mirror_image_of_its_features(gro
     _, other = view_of(mirrored(terrain), there)
     feet, pairs, palms, ways, palms_fit = all_of(view, POSES)
     feet_, pairs_, palms_, ways_, palms_fit_ = all_of(other, there)
-    np.testing.assert_allclose(feet_, feet[:, STEPS.mirror], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(feet_, feet[:, MIRROR], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(pairs_, pairs, rtol=1e-9)
     np.testing.assert_allclose(palms_, palms[:, MIRRORED_PALMS], atol=1e-9)
     np.testing.assert_array_equal(palms_fit_, palms_fit[:, MIRRORED_PALMS])
@@ -234,7 +237,7 @@ def test_the_mirror_image_of_the_ground_has_the_mirror_image_of_its_exact_counts
     terrain = stones(6)
     there = POSES * [1.0, -1.0, 1.0, -1.0]
     ways, ways_ = view_of(terrain)[1].exact(POSES)[0], view_of(mirrored(terrain), there)[1].exact(there)[0]
-    np.testing.assert_array_equal(ways_, ways[:, STEPS.mirror])
+    np.testing.assert_array_equal(ways_, ways[:, MIRROR])
 
 
 def test_on_a_large_floor_every_score_is_the_number_of_steps_and_off_it_there_is_none() -> None:

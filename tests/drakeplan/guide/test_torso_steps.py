@@ -7,7 +7,10 @@ import pytest
 from made_up_ground import MODEL, STEPS
 
 from drakeplan.guide.torso_steps import CELL, DIRECTIONS, torso_steps
+from learning.training.footstep_counts import mirror_of
 from scenes.transition_model import transition_model
+
+MIRROR = mirror_of(STEPS.translations)
 
 LONGEST = 0.8  # [m] that a foot of the robot moves at most
 
@@ -67,8 +70,8 @@ def test_a_step_moves_the_torso_by_the_nearest_cell_in_the_sector_where_its_mean
 
 
 def test_the_mirror_image_of_a_mirror_image_is_the_translation_itself() -> None:
-    np.testing.assert_array_equal(STEPS.mirror[STEPS.mirror], np.arange(len(STEPS.translations)))
-    np.testing.assert_array_equal(STEPS.translations[STEPS.mirror], STEPS.translations * [1, -1])
+    np.testing.assert_array_equal(MIRROR[MIRROR], np.arange(len(STEPS.translations)))
+    np.testing.assert_array_equal(STEPS.translations[MIRROR], STEPS.translations * [1, -1])
     assert len(np.unique(STEPS.translations, axis=0)) == len(STEPS.translations)
 
 
@@ -88,12 +91,12 @@ def test_mirrored_steps_make_mirrored_translations() -> None:
         assert len(mine) == len(its)
         rows = np.column_stack([STEPS.mover[its], STEPS.place[its]])
         found = image_of(rows, np.column_stack([1 - STEPS.mover[mine], STEPS.place[mine] * [1.0, -1.0, -1.0]]))
-        np.testing.assert_array_equal(STEPS.translation[its[found]], STEPS.mirror[STEPS.translation[mine]])
+        np.testing.assert_array_equal(STEPS.translation[its[found]], MIRROR[STEPS.translation[mine]])
 
 
 def test_mirrored_translations_lead_in_mirrored_directions() -> None:
     way = STEPS.direction_of_translation
-    np.testing.assert_array_equal(way[STEPS.mirror], np.where(way < 0, -1, -way % DIRECTIONS))
+    np.testing.assert_array_equal(way[MIRROR], np.where(way < 0, -1, -way % DIRECTIONS))
 
 
 def test_one_translation_stays_and_has_no_direction() -> None:

@@ -12,10 +12,12 @@ import drakeplan.guide.traversability_map as maps
 from drakeplan.contact_planning.contact_plan import PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
+from drakeplan.experience import stored_plan
 from drakeplan.guide.promising_paths import nodes_near
 from drakeplan.guide.torso_graph import StepWeights, costs_to_go, torso_poses
 from drakeplan.guide.traversability_grid import FOOT_PER_TORSO, HARDNESS, TraversabilityGrid, traversability_grid
 from drakeplan.guide.traversability_map import NEAR, TURN, TraversabilityMap, nearest_node, traversability_map
+from learning import traversability_labels
 from learning.footstep_counts import PoseFeatures
 from learning.traversability import Traversability
 from learning.weights import NoWeightsError
@@ -212,3 +214,7 @@ def test_the_search_takes_it_for_its_heuristic_and_makes_it_once_a_query(ik) -> 
     assert grids == {key: made for key, made in context.made.items() if isinstance(made, TraversabilityGrid)}
     SearchPlanner(context, dataclasses.replace(options, use_palms=False))
     assert sum(isinstance(made, TraversabilityGrid) for made in context.made.values()) == 2
+
+
+def test_learned_modes_and_those_of_plans_have_the_same_numbers() -> None:
+    assert traversability_labels.MODES == stored_plan.MODES

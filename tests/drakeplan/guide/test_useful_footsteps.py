@@ -9,10 +9,13 @@ from made_up_ground import ESCHER, MODEL, STEPS, floor, stones
 from drakeplan.contact_planning.contact_pool import ContactPool
 from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.guide.useful_footsteps import TorsoPose, UsefulFootsteps
+from learning.training.footstep_counts import mirror_of
 from optimization.balance.friction import DEFAULT_CONE
 from scenes.library.plates import level_plate, wall_plate
 from scenes.terrain.packed_terrain import pack_terrain
 from scenes.terrain.terrain import Terrain, terrain_from
+
+MIRROR = mirror_of(STEPS.translations)
 
 (STAY,) = np.flatnonzero((STEPS.translations == 0).all(axis=1)).tolist()
 (AHEAD,) = np.flatnonzero((STEPS.translations == [1, 0]).all(axis=1)).tolist()
@@ -58,7 +61,7 @@ def test_a_floor_looks_the_same_from_everywhere_and_to_every_side(wide) -> None:
 
 def test_mirror_images_of_translations_are_as_useful_on_a_floor(wide) -> None:
     (side,) = np.flatnonzero((STEPS.translations == [0, 1]).all(axis=1)).tolist()
-    useful, _ = count(wide, TorsoPose(0.0, 0.0, 0.0, 0.0), translations=(side, int(STEPS.mirror[side])))
+    useful, _ = count(wide, TorsoPose(0.0, 0.0, 0.0, 0.0), translations=(side, int(MIRROR[side])))
     assert useful[0] == pytest.approx(useful[1], rel=ALIKE) and useful[1] > 0
 
 
