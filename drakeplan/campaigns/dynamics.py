@@ -23,14 +23,16 @@ from drakeplan.campaigns.campaign_robot import campaign_ik, campaign_robot
 from drakeplan.campaigns.card import Card
 from drakeplan.campaigns.label_walk import Label, LabelWalk, WalkOptions
 from drakeplan.campaigns.tilted_environment import GROUNDS, TiltedEnvironment, draw_environment
+from drakeplan.timing.step_timing import Timing
 from learning.transition_features import CATEGORIES, NUM_CATEGORIES
 from learning.transition_labels import CAMPAIGN, SCHEMA, VERSION
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
 from optimization.centroidal.options import CentroidalOptions
-from optimization.centroidal.transition_dynamics import TransitionDynamics, transition_options
+from optimization.centroidal.transition_dynamics import TransitionDynamics
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 
+FEET_ONLY = 120  # labels of steps in an environment that is crossed without palms
 ENVIRONMENT_DRAWS = 20  # terrains on which nobody can stand are drawn again
 
 
@@ -43,6 +45,8 @@ class DynamicsCampaign:
         friction: of every surface; 0.5 in Lin 2020 sec. 6.7.
         cone: friction cone of the program.
         walk: how each environment is walked through.
+        timing: of every transition.
+        feet_only: no palms; then an environment gives `FEET_ONLY` labels of steps.
         packages: names and folders of package:// addresses in the robot's model.
     """
 
@@ -50,6 +54,8 @@ class DynamicsCampaign:
     friction: float = 0.5
     cone: FrictionCone = DEFAULT_CONE
     walk: WalkOptions = field(default_factory=WalkOptions)
+    timing: Timing = field(default_factory=Timing)
+    feet_only: bool = False
     packages: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -76,8 +82,9 @@ class DynamicsCampaign:
             "robot": robot.name,
             "robot_model_sha256": robot.model_sha256,
             "friction": self.friction,
-            "walk": asdict(self.walk),
+            "walk": asdict(self._walk),
             "program": _plain(asdict(self._options(robot))),
+            **({"feet_only": True} if self.feet_only else {}),
         }
 
     def rows(self, seed: np.random.SeedSequence, task: int) -> Sequence[Row]:
@@ -94,7 +101,8 @@ class DynamicsCampaign:
             # New for each walk: what a program answers may depend, in the last bits, on what it was asked before.
             dynamics = TransitionDynamics(robot, self._options(robot))
             try:
-                walk = LabelWalk(environment, robot, campaign_ik(self.robot, self.packages), dynamics, self.walk, rng)
+                ik = campaign_ik(self.robot, self.packages)
+                walk = LabelWalk(environment, robot, ik, dynamics, self._walk, rng, palms=not self.feet_only)
             except InputError:
                 continue
             return [label_row(label, walk, environment, task) for label in walk.labels()]
@@ -102,7 +110,11 @@ class DynamicsCampaign:
 
     def _options(self, robot: Robot) -> CentroidalOptions:
         """As the planner asks, but no clock may decide what a label says."""
-        return replace(transition_options(robot, self.cone), time_limit=1e6)
+        return replace(self.timing.options(robot, self.cone), time_limit=1e6)
+
+    @property
+    def _walk(self) -> WalkOptions:
+        return replace(self.walk, quota=FEET_ONLY, per_state=6) if self.feet_only else self.walk
 
 
 def label_row(label: Label, walk: LabelWalk, environment: TiltedEnvironment, task: int) -> Row:

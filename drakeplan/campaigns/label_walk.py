@@ -148,6 +148,8 @@ class LabelWalk:
         dynamics: TransitionDynamics,
         options: WalkOptions,
         rng: np.random.Generator,
+        *,
+        palms: bool = True,
     ) -> None:
         """Places the robot in the environment.
 
@@ -158,13 +160,18 @@ class LabelWalk:
             dynamics: the exact program for one transition.
             options: how the walk is made.
             rng: source of all random choices.
+            palms: whether it may use them.
         """
         self.robot, self.dynamics, self.options, self.rng = robot, dynamics, options, rng
         packed = pack_terrain(environment.terrain)
         self.pool = ContactPool(packed)
         self.check = TransitionCheck(self.pool, robot, ik, packed, dynamics.options.cone)
         asked = PlannerOptions(
-            heuristic="euclidean", dynamics="exact", model=transition_model(environment.steps), footholds="fixed"
+            use_palms=palms,
+            heuristic="euclidean",
+            dynamics="exact",
+            model=transition_model(environment.steps),
+            footholds="fixed",
         )
         self.domain = ContactDomain(packed, robot, environment.goal, self.check, asked, PlannerWeights())
         self.domain.full_soles = True  # a row has no room for a support

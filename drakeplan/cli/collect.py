@@ -12,12 +12,14 @@ from scenes.input_error import InputError, unknown_name
 
 if TYPE_CHECKING:
     from drakeplan.campaigns.braced_wall import BracedWallCampaign
+    from drakeplan.campaigns.capture import CaptureCampaign
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
     from drakeplan.campaigns.traversability import TraversabilityCampaign
 
 CAMPAIGNS = {
     "dynamics": "what the centroidal program says of contact transitions, in random tilted environments",
+    "capture": "whether a pushed robot comes to rest, where it stands or with one new contact",
     "traversability": "from how many pairs of feet about a torso pose the search steps on, in such environments",
 }
 NAMES = "\n".join(f"  {name:<14}  {about}" for name, about in CAMPAIGNS.items())
@@ -27,7 +29,8 @@ The same seed gives the same rows for any number of workers. A killed campaign c
 the same bit for bit. A larger --count with --resume adds to what is there.
 
 dynamics: an environment gives up to 20 labels of each transition category, about 155 in total, in some seconds of work; 1700
-give 20 000 of each. traversability: one gives 144 labels of each motion mode, in half a second with fixed footholds and in some
+give 20 000 of each. With --shift 0.6 --swing 0.4 --feet-only they are those that planning for pushes walks by (--capture).
+capture: a task asks 32 questions of each capture motion in 8 s; 625 give 20 000 of each. traversability: one gives 144 labels of each motion mode, in half a second with fixed footholds and in some
 seconds else; 140 give 20 000 of each.
 
 campaigns:
@@ -37,6 +40,8 @@ examples:
   drakeplan collect dynamics --count 4 --out labels
   drakeplan collect dynamics --count 1700 --out labels --workers 2 --resume
   drakeplan collect dynamics --count 8500 --out labels --cluster tcp://head:8786
+  drakeplan collect dynamics --count 700 --shift 0.6 --swing 0.4 --feet-only --out walking
+  drakeplan collect capture --count 1600 --out captures --workers 2
   drakeplan collect traversability --count 1500 --out footsteps --workers 2
   drakeplan collect traversability --count 1500 --footholds fixed --out documented"""
 
@@ -48,7 +53,7 @@ class Arguments:
     campaign: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="CAMPAIGN")]
     """what to collect"""
     count: int = 0
-    """total number of environments (required)"""
+    """total number of environments, of capture: of tasks (required)"""
     out: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
     """folder for the data (required)"""
     workers: int = 2
@@ -65,6 +70,12 @@ class Arguments:
     """of every surface"""
     footholds: Literal["snapped", "fixed"] = "snapped"
     """of traversability: whether feet and palms move to the nearest foothold, or are lost as in Lin & Berenson 2017"""
+    shift: float = 1.0
+    """of dynamics: time in which the CoM shifts before each step [s]"""
+    swing: float = 1.0
+    """of dynamics: time in which a foot or palm moves [s]"""
+    feet_only: bool = False
+    """of dynamics: no palms, and all labels of an environment from steps"""
     task_timeout: Annotated[float, tyro.conf.arg(metavar="S")] = 600.0
     """time limit of one environment [s]; an environment that exceeds it is set aside (quarantine)"""
     resume: bool = False
@@ -102,15 +113,27 @@ def _check(arguments: Arguments) -> None:
         raise InputError(f"--task-timeout: expected more than 0, got {arguments.task_timeout:g}")
 
 
-def _campaign(arguments: Arguments) -> DynamicsCampaign | TraversabilityCampaign | BracedWallCampaign:
+def _campaign(
+    arguments: Arguments,
+) -> DynamicsCampaign | CaptureCampaign | TraversabilityCampaign | BracedWallCampaign:
     from drakeplan.campaigns.braced_wall import BracedWallCampaign
+    from drakeplan.campaigns.capture import CaptureCampaign
     from drakeplan.campaigns.dynamics import DynamicsCampaign
     from drakeplan.campaigns.traversability import TraversabilityCampaign
+    from drakeplan.timing.step_timing import Timing
     from scenes.robots.addresses import read_packages
 
     packages = tuple((name, str(folder)) for name, folder in read_packages(arguments.package).items())
     if arguments.campaign == "dynamics":
-        return DynamicsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
+        return DynamicsCampaign(
+            robot=arguments.robot,
+            friction=arguments.friction,
+            timing=Timing(arguments.shift, arguments.swing),
+            feet_only=arguments.feet_only,
+            packages=packages,
+        )
+    if arguments.campaign == "capture":
+        return CaptureCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
     if arguments.robot == "bracer":
         return BracedWallCampaign()
     return TraversabilityCampaign(
@@ -126,9 +149,9 @@ def _report(card: Card, arguments: Arguments) -> None:
 
         print_json({"status": "collected", "folder": arguments.out, **asdict(card)})
         return
-    from drakeplan.campaigns import dynamics, traversability
+    from drakeplan.campaigns import capture, dynamics, traversability
 
-    counts_text = dynamics.counts_text if arguments.campaign == "dynamics" else traversability.counts_text
-    print(counts_text(card))
+    counts_text = {"dynamics": dynamics.counts_text, "capture": capture.counts_text}
+    print(counts_text.get(arguments.campaign, traversability.counts_text)(card))
     print(f"{card.rows} labels of {card.tasks} environments in {arguments.out}, {len(card.quarantined)} in quarantine")
     print(f"sha256 {card.sha256}")
