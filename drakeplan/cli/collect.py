@@ -29,9 +29,9 @@ The same seed gives the same rows for any number of workers. A killed campaign c
 the same bit for bit. A larger --count with --resume adds to what is there.
 
 dynamics: an environment gives up to 20 labels of each transition category, about 155 in total, in some seconds of work; 1700
-give 20 000 of each. With --shift 0.6 --swing 0.4 --feet-only they are those that planning for pushes walks by (--capture).
-capture: a task asks 32 questions of each capture motion in 8 s; 625 give 20 000 of each. traversability: one gives 144 labels of each motion mode, in half a second with fixed footholds and in some
-seconds else; 140 give 20 000 of each.
+give 20 000 of each. With --shift 0.6 --swing 0.4 --feet-only they are those that planning against pushes walks by (--capture).
+capture: a task asks 32 questions of each capture motion in 8 s; 625 give 20 000 of each. traversability: an environment gives
+144 labels of each motion mode, in half a second with fixed footholds and in some seconds else; 140 give 20 000 of each.
 
 campaigns:
 {NAMES}

@@ -45,7 +45,9 @@ class CaptureContacts:
 class CapturePoses:
     """Projects the steps of the other foot and the rays of both palms onto one terrain, about any standing foot."""
 
-    def __init__(self, packed: PackedTerrain, robot: Robot, pool: ContactPool, model: TransitionModel | None = None):
+    def __init__(
+        self, packed: PackedTerrain, robot: Robot, pool: ContactPool, model: TransitionModel | None = None
+    ) -> None:
         """Prepares the projections.
 
         Args:
