@@ -22,10 +22,7 @@ def network_tensors(network: TransitionNetwork) -> dict[str, np.ndarray]:
     """Every array of it by name."""
     tensors: dict[str, np.ndarray] = {}
     for prefix, mlp in _named(network):
-        for k, (W, b) in enumerate(zip(mlp.weights, mlp.biases, strict=True)):
-            tensors[f"{prefix}.{k}.weight"], tensors[f"{prefix}.{k}.bias"] = W, b
-        if mlp.skip is not None:
-            tensors[f"{prefix}.skip"] = mlp.skip
+        tensors |= mlp_tensors(prefix, mlp)
     for prefix, shared in _shared(network):
         tensors |= {f"{prefix}answer.low": shared.low, f"{prefix}answer.high": shared.high}
     return tensors
@@ -53,7 +50,7 @@ def network_from_tensors(kind: str, tensors: Mapping[str, np.ndarray]) -> Transi
         inputs = len(documented_feature_names(category))
         for name, outputs in (("classifier", 1), ("regressor", NUM_REGRESSED)):
             there = f"{name}{category}.0.weight" in tensors
-            pairs[name].append(_mlp(f"{name}{category}", tensors, inputs, outputs) if there else None)
+            pairs[name].append(read_mlp(f"{name}{category}", tensors, inputs, outputs) if there else None)
     return DocumentedNetworks(tuple(pairs["classifier"]), tuple(pairs["regressor"]))
 
 
@@ -74,7 +71,7 @@ def _named(network: TransitionNetwork) -> list[tuple[str, Mlp]]:
 
 def _read_shared(prefix: str, tensors: Mapping[str, np.ndarray]) -> SharedNetwork:
     count = len({name.split(".")[0] for name in tensors if name.startswith(f"{prefix}member")})
-    members = tuple(_mlp(f"{prefix}member{k}", tensors, NUM_RELATIVE, 1 + NUM_REGRESSED) for k in range(count))
+    members = tuple(read_mlp(f"{prefix}member{k}", tensors, NUM_RELATIVE, 1 + NUM_REGRESSED) for k in range(count))
     if not members:
         raise ValueError(f"no member of the network {prefix.rstrip('_')}".rstrip())
     if any(member.shape != members[0].shape for member in members):
@@ -85,7 +82,32 @@ def _read_shared(prefix: str, tensors: Mapping[str, np.ndarray]) -> SharedNetwor
     return SharedNetwork(members, bounds[0], bounds[1])
 
 
-def _mlp(prefix: str, tensors: Mapping[str, np.ndarray], inputs: int, outputs: int) -> Mlp:
+def mlp_tensors(prefix: str, mlp: Mlp) -> dict[str, np.ndarray]:
+    """The arrays of one network by name.
+
+    Args:
+        prefix: of the names.
+        mlp: the network.
+    """
+    tensors: dict[str, np.ndarray] = {}
+    for k, (W, b) in enumerate(zip(mlp.weights, mlp.biases, strict=True)):
+        tensors[f"{prefix}.{k}.weight"], tensors[f"{prefix}.{k}.bias"] = W, b
+    if mlp.skip is not None:
+        tensors[f"{prefix}.skip"] = mlp.skip
+    return tensors
+
+
+def read_mlp(prefix: str, tensors: Mapping[str, np.ndarray], inputs: int, outputs: int) -> Mlp:
+    """The inverse of `mlp_tensors`.
+
+    Args:
+        prefix: of the names.
+        tensors: float32 arrays by name.
+        inputs, outputs: numbers that are expected.
+
+    Raises:
+        ValueError: arrays are missing or have other shapes.
+    """
     weights, biases = [], []
     while f"{prefix}.{len(weights)}.weight" in tensors:
         name = f"{prefix}.{len(weights)}"

@@ -25,6 +25,7 @@ class TrainingOptions:
         decay: weight decay of AdamW.
         jitter: spread of what is added at random to the scaled inputs in every step; a smooth function bears it, and
             learns to be one (Bishop 1995). Not "documented", like the next three.
+        dropout: share of the hidden units that are left out at random in every step (Lin 2020 fig. 7.3: 0.1).
         members: networks that are averaged.
         logit_weight: of the feasibility's log loss beside the regression.
         dear: objective of a transition whose outcome counts half: 1 / (1 + objective / dear). Plans are made of cheap ones.
@@ -40,6 +41,7 @@ class TrainingOptions:
     rate: float = 1e-3
     decay: float = 1e-2
     jitter: float = 0.2
+    dropout: float = 0.0
     members: int = 1
     logit_weight: float = 1.0
     dear: float = 300.0
@@ -55,6 +57,8 @@ class TrainingOptions:
         for name in ("rate", "logit_weight", "dear"):
             if not getattr(self, name) > 0:
                 raise InputError(f"training: {name} must be positive, got {getattr(self, name)}")
+        if not 0.0 <= self.dropout < 1.0:
+            raise InputError(f"training: dropout must lie in [0, 1), got {self.dropout}")
         for name in ("decay", "jitter", "seed"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"training: {name} must not be negative, got {getattr(self, name)}")

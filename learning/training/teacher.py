@@ -54,12 +54,14 @@ class _Net(torch.nn.Module):
             with torch.no_grad():
                 self.weights[-1].zero_()
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
+    def forward(self, x: torch.Tensor, dropout: float = 0.0, chance: torch.Generator | None = None) -> torch.Tensor:
         y = x
         for k, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
             y = torch.addmm(b, y, W)
             if k < len(self.weights) - 1:
                 y = torch.relu(y)
+                if dropout:  # what is left counts more, so that nothing changes when none is left out
+                    y = y * (torch.rand(y.shape, generator=chance) >= dropout) / (1.0 - dropout)
         return y if self.skip is None else y + x @ self.skip
 
 
@@ -96,7 +98,7 @@ def teach(lesson: Lesson, options: TrainingOptions, folder: Path, tell: Tell) ->
             seen = x[batch]
             if jitter:
                 seen = seen + jitter * torch.randn(seen.shape, generator=noise)
-            value = loss(net(seen), *(a[batch] for a in y))
+            value = loss(net(seen, options.dropout, noise), *(a[batch] for a in y))
             optimiser.zero_grad(set_to_none=True)
             value.backward()
             optimiser.step()

@@ -1,0 +1,117 @@
+"""What networks of capture are told about a question, in frame F of the standing foot (`capture_view.py`).
+
+Ours are 32 numbers for every capture motion; without a new contact its numbers are 0. The capture point of the linear inverted
+pendulum, xi = com + v / omega with omega^2 = g / z (Pratt et al. 2006), is among them: it decides most questions on level ground.
+Those of Lin 2020 fig. 7.3 are contact poses as positions and Tait-Bryan angles X-Y-Z, the CoM, and its velocity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from learning.capture_view import STAY, CaptureViews
+from scenes.gravity import GRAVITY
+
+NUM_FEATURES = 32
+NAMES = (
+    "com.x", "com.y", "com.z", "velocity.x", "velocity.y", "velocity.z", "spin.x", "spin.y", "spin.z",
+    "foot.xx", "foot.xz", "foot.nx", "foot.ny", "foot.nz", "capture_point.x", "capture_point.y",
+    "capture_point_in_foot.x", "capture_point_in_foot.y",
+    "new.x", "new.y", "new.z", "new.xx", "new.xy", "new.xz", "new.nx", "new.ny", "new.nz",
+    "new_from_capture_point.x", "new_from_capture_point.y", "new_from_com.distance", "closing_speed", "speed_along_normal",
+)  # fmt: skip
+SPIN = slice(6, 9)
+LEAST_HEIGHT = 0.1  # [m] of the CoM in the pendulum's frequency
+DOCUMENTED = (12, 18)  # inputs of Lin 2020 fig. 7.3, without and with a new contact
+ANGLES = (3, 4, 5, 9, 10, 11)  # of them that are angles; the last three with a new contact only
+
+
+def features(views: CaptureViews) -> np.ndarray:
+    """(n, 32) float32 of n questions, in the order of `NAMES`."""
+    out = np.empty((len(views), NUM_FEATURES), np.float32)
+    makes = views.motion != STAY
+    _rows(views.com, views.velocity, views.spin, views.foot_R, views.p_new, views.R_new, makes, out)
+    return out
+
+
+@njit(cache=True)
+def _rows(
+    com: np.ndarray,
+    velocity: np.ndarray,
+    spin: np.ndarray,
+    foot_R: np.ndarray,
+    p_new: np.ndarray,
+    R_new: np.ndarray,
+    makes: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    for i in range(len(com)):
+        write_state(com[i], velocity[i], spin[i], foot_R[i], out[i])
+        if makes[i]:
+            write_contact(com[i], velocity[i], p_new[i], R_new[i], out[i])
+        else:
+            out[i, 18:] = 0.0
+
+
+@njit(cache=True)
+def write_state(com: np.ndarray, velocity: np.ndarray, spin: np.ndarray, foot_R: np.ndarray, row: np.ndarray) -> None:
+    """The first 18 features: of the state and the standing foot.
+
+    Args:
+        com: (3,) in F [m].
+        velocity: (3,) of it [m/s].
+        spin: (3,) angular momentum over mass [m^2/s].
+        foot_R: (3, 3) frame of the standing foot's contact in F.
+        row: (32,) written here.
+    """
+    for a in range(3):
+        row[a], row[3 + a], row[6 + a] = com[a], velocity[a], spin[a]
+        row[11 + a] = foot_R[a, 2]
+    row[9], row[10] = foot_R[0, 0], foot_R[2, 0]
+    fall = np.sqrt(max(com[2], LEAST_HEIGHT) / GRAVITY)
+    x, y = com[0] + fall * velocity[0], com[1] + fall * velocity[1]
+    row[14], row[15] = x, y
+    row[16], row[17] = foot_R[0, 0] * x + foot_R[1, 0] * y, foot_R[0, 1] * x + foot_R[1, 1] * y
+
+
+@njit(cache=True)
+def write_contact(com: np.ndarray, velocity: np.ndarray, p_new: np.ndarray, R_new: np.ndarray, row: np.ndarray) -> None:
+    """The last 14 features: of the new contact. Those of the state have to be there.
+
+    Args:
+        com: (3,) in F [m].
+        velocity: (3,) of it [m/s].
+        p_new: (3,) new contact in F [m].
+        R_new: (3, 3) its frame in F.
+        row: (32,) written here.
+    """
+    far, closing, along = 0.0, 0.0, 0.0
+    for a in range(3):
+        row[18 + a], row[21 + a], row[24 + a] = p_new[a], R_new[a, 0], R_new[a, 2]
+        d = p_new[a] - com[a]
+        far += d * d
+        closing += d * velocity[a]
+        along += R_new[a, 2] * velocity[a]
+    far = np.sqrt(far)
+    row[27], row[28] = p_new[0] - row[14], p_new[1] - row[15]
+    row[29], row[30], row[31] = far, closing / max(far, 0.05), along
+
+
+def documented_features(views: CaptureViews) -> np.ndarray:
+    """(n, 12 or 18) float32 inputs of Lin 2020 fig. 7.3, of questions about one capture motion.
+
+    Standing foot, new contact where one is made: position [m] and Tait-Bryan angles X-Y-Z [rad]; CoM [m], its velocity [m/s].
+    """
+    makes = bool(len(views)) and views.motion[0] != STAY
+    zero = np.zeros((len(views), 3))
+    parts = [zero, tait_bryan(views.foot_R)]
+    if makes:
+        parts += [views.p_new, tait_bryan(views.R_new)]
+    return np.concatenate([*parts, views.com, views.velocity], axis=1).astype(np.float32)
+
+
+def tait_bryan(R: np.ndarray) -> np.ndarray:
+    """(n, 3) angles a, b, c [rad] of R = Rx(a) Ry(b) Rz(c), of (n, 3, 3) rotations; a and c in [-pi, pi], b in [-pi/2, pi/2]."""
+    b = np.arcsin(np.clip(R[:, 0, 2], -1.0, 1.0))
+    return np.column_stack([np.arctan2(-R[:, 1, 2], R[:, 2, 2]), b, np.arctan2(-R[:, 0, 1], R[:, 0, 0])])
