@@ -36,8 +36,8 @@ from learning.transition_features import (
 from learning.weights import PRETRAINED, NoWeightsError, OtherRobotError, WeightsError, read_weights
 from scenes.robots.robot import Robot, load_robot
 
-NAME = "dynamics"  # of the weight files in a robot's folder
 FRICTION_TOLERANCE = 1e-6
+DOCUMENTED_TIMES = (1.0, 1.0)  # [s] of shift and swing (Lin 2020 sec. 6.7)
 
 
 class TransitionPrediction(NamedTuple):
@@ -142,12 +142,20 @@ def dynamics_fingerprint(robot: Robot) -> str:
     return hashlib.sha256(json.dumps([np.asarray(f, float).round(9).tolist() for f in facts]).encode()).hexdigest()
 
 
-def load_surrogate(robot: str | Robot, folder: Path | None = None) -> DynamicsSurrogate:
+def weights_name(times: tuple[float, float] = DOCUMENTED_TIMES) -> str:
+    """Name of the weight files for transitions with these times of shift and swing [s]."""
+    return "dynamics" if times == DOCUMENTED_TIMES else "dynamics_{:g}_{:g}".format(*times)
+
+
+def load_surrogate(
+    robot: str | Robot, folder: Path | None = None, times: tuple[float, float] = DOCUMENTED_TIMES
+) -> DynamicsSurrogate:
     """The surrogate of this robot's dynamics, by default the one that comes with drakeplan.
 
     Args:
         robot: its name, or itself.
-        folder: with `dynamics.safetensors` and `dynamics.json`.
+        folder: with the weights and their card.
+        times: of shift and swing in every transition [s].
 
     Raises:
         NoWeightsError: there are none for this robot.
@@ -155,24 +163,30 @@ def load_surrogate(robot: str | Robot, folder: Path | None = None) -> DynamicsSu
     """
     robot = load_robot(robot) if isinstance(robot, str) else robot
     place = folder or PRETRAINED / robot.name
-    files = [place / f"{NAME}.{ending}" for ending in ("json", "safetensors")]
+    name = weights_name(times)
+    files = [place / f"{name}.{ending}" for ending in ("json", "safetensors")]
     changed = tuple(file.stat().st_mtime_ns if file.is_file() else 0 for file in files)
-    key = (place, changed, robot.name, dynamics_fingerprint(robot))
+    key = (place, name, changed, robot.name, dynamics_fingerprint(robot))
     if key not in _LOADED:
-        _LOADED[key] = surrogate_from(*_read(robot, place, packaged=folder is None), robot)
+        _LOADED[key] = surrogate_from(*_read(robot, place, name, packaged=folder is None), robot)
     return _LOADED[key]
 
 
-def _read(robot: Robot, place: Path, *, packaged: bool) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def _read(robot: Robot, place: Path, name: str, *, packaged: bool) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     try:
-        return read_weights(place, NAME)
+        return read_weights(place, name)
     except NoWeightsError:
         if not packaged:
             raise
         raise NoWeightsError(
-            f"robot {robot.name!r} has no learned dynamics: use the exact program (--dynamics exact), or make weights "
+            f"robot {robot.name!r} has no learned dynamics{_for_times(name)}: use the exact program (--dynamics exact), or make weights "
             f"with `drakeplan collect dynamics` and `drakeplan train dynamics`"
         ) from None
+
+
+def _for_times(name: str) -> str:
+    _, *times = name.split("_")
+    return " for --shift {} --swing {}".format(*times) if times else ""
 
 
 def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: Robot) -> DynamicsSurrogate:
@@ -186,7 +200,7 @@ def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: 
     Raises:
         WeightsError: features, shapes or robot do not fit.
     """
-    source = f"weights {card.get('name', NAME)!r} of robot {card.get('robot')!r}"
+    source = f"weights {card.get('name', 'dynamics')!r} of robot {card.get('robot')!r}"
     if card.get("features") != list(relative_feature_names()):
         raise WeightsError(f"{source}: their list of features is not this version's; train them again")
     if card.get("robot") != robot.name or card.get("robot_dynamics") != dynamics_fingerprint(robot):

@@ -150,7 +150,7 @@ class SearchPlanner:
         exact = ExactDynamics(self._pool, robot, self._centroidal_options())
         if self.options.dynamics == "exact":
             return exact
-        surrogate = load_surrogate(robot) if settings.surrogate is None else settings.surrogate
+        surrogate = settings.surrogate or load_surrogate(robot, times=self.options.timing.times)
         return LearnedDynamics(self._pool, surrogate, exact if settings.ask_when_far else None)
 
     def _centroidal_options(self) -> CentroidalOptions:

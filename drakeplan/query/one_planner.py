@@ -372,10 +372,8 @@ def _dynamics(context: QueryContext, options: PlanOptions, notes: list[str]) -> 
 
 def _not_learned(context: QueryContext, options: PlanOptions) -> str:
     """Why learned dynamics do not fit this query, "" if they do."""
-    if not options.timing.documented:
-        return "learned dynamics exist only for --shift 1 --swing 1"
     try:
-        surrogate = load_surrogate(context.robot)
+        surrogate = load_surrogate(context.robot, times=options.timing.times)
     except NoWeightsError as error:
         return str(error).split(":")[0]
     except OtherRobotError:  # an own variant of a packaged robot, its name kept

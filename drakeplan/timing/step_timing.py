@@ -44,9 +44,9 @@ class Timing:
         return next((dt for dt in STEPS if all(_divides(dt, x) for x in (self.shift, self.swing))), None)
 
     @property
-    def documented(self) -> bool:
-        """Whether the timing is that of Lin 2020 sec. 6.7, for which the surrogates were trained."""
-        return (self.shift, self.swing) == (1.0, 1.0)
+    def times(self) -> tuple[float, float]:
+        """Of shift and swing [s]; surrogates are trained for some."""
+        return self.shift, self.swing
 
     def options(
         self, robot: Robot, cone: FrictionCone, *, rest_at_end: bool = False, reserve: Reserve = ALL

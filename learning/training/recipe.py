@@ -19,7 +19,7 @@ from learning.labelled_transitions import TEST, TRAIN, VALIDATION, LabelledTrans
 from learning.network import DocumentedNetworks, Mlp, SharedNetwork, TransitionNetwork
 from learning.palm_networks import NUM_PALMS, PALMS, PalmNetworks
 from learning.relative_features import RELATIVE_FRAME, relative_feature_names
-from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint
+from learning.surrogate import DOCUMENTED_TIMES, DynamicsSurrogate, dynamics_fingerprint, weights_name
 from learning.training.lesson import Lesson, lessons
 from learning.training.options import TrainingOptions
 from learning.training.teacher import Taught, teach
@@ -106,10 +106,11 @@ def train_dynamics(
     surrogate = calibrated(network, data, options.recall, (float(friction.min()), float(friction.max())), card)
     report = fit_report(surrogate, data)
     card |= {"measured": report.facts()}
-    write_weights(out, NAME, surrogate.tensors(), card)
+    name = weights_name(_times(labels))
+    write_weights(out, name, surrogate.tensors(), card)
     _write_curves(out / CURVES, taught)
     write_whole(out / REPORT, (json.dumps(report.facts(), indent=1) + "\n").encode())
-    return Trained(out / f"{NAME}.safetensors", surrogate, report)
+    return Trained(out / f"{name}.safetensors", surrogate, report)
 
 
 def calibrated(
@@ -189,6 +190,14 @@ def _card(robot: Robot, options: TrainingOptions, data: LearningSet, labels: Lab
         "rows": {name: data.counts(part).tolist() for part, name in names.items()},
         "feasible": {name: _feasible(data, part) for part, name in names.items()},
     }
+
+
+def _times(labels: LabelledTransitions) -> tuple[float, float]:
+    """Times of shift and swing that the labels are for [s]."""
+    program = _parameters(labels).get("program")
+    if not isinstance(program, dict) or "shift_time" not in program:
+        return DOCUMENTED_TIMES
+    return float(program["shift_time"]), float(program["swing_time"])
 
 
 def _cone(labels: LabelledTransitions) -> dict[str, Any]:
