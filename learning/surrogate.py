@@ -179,7 +179,8 @@ def _read(robot: Robot, place: Path, name: str, *, packaged: bool) -> tuple[dict
         if not packaged:
             raise
         raise NoWeightsError(
-            f"robot {robot.name!r} has no learned dynamics{_for_times(name)}: use the exact program (--dynamics exact), or make weights "
+            f"robot {robot.name!r} has no learned dynamics{_for_times(name)}: use the exact program "
+            f"(--dynamics exact), or make weights "
             f"with `drakeplan collect dynamics` and `drakeplan train dynamics`"
         ) from None
 

@@ -106,11 +106,19 @@ def pushes_at(disturbances: Sequence[Disturbance], point: np.ndarray) -> PushDis
     Raises:
         InputError: their probabilities add up to more than one there.
     """
-    return _pushes_along(disturbances, np.reshape(point, (1, 3)))[0]
+    return pushes_along(disturbances, np.reshape(point, (1, 3)))[0]
 
 
-def _pushes_along(disturbances: Sequence[Disturbance], points: np.ndarray) -> list[PushDistribution]:
-    """What may happen at each of (N, 3) points; points in the same regions share one."""
+def pushes_along(disturbances: Sequence[Disturbance], points: np.ndarray) -> list[PushDistribution]:
+    """What may happen at each of several points; points in the same regions share one.
+
+    Args:
+        disturbances: of the scene.
+        points: (N, 3) in W [m].
+
+    Raises:
+        InputError: as `pushes_at`.
+    """
     acts = np.zeros((len(points), len(disturbances)), bool)
     for i, disturbance in enumerate(disturbances):
         acts[:, i] = disturbance.acts_at(points)
@@ -138,7 +146,7 @@ def any_along(disturbances: Sequence[Disturbance], t: np.ndarray, com: np.ndarra
         InputError: as `pushes_at`, or times that do not ascend.
     """
     dt = _steps(t, com)
-    here = _pushes_along(disturbances, com[:-1])
+    here = pushes_along(disturbances, com[:-1])
     calm = [pushes.none_within(step) for pushes, step in zip(here, dt, strict=True)]
     return float(1.0 - np.prod(calm))
 
@@ -173,7 +181,7 @@ def sample_pushes(
     dt = _steps(t, com)
     draws = rng.random((len(dt), 2))
     interval, impulse = [], []
-    for n, here in enumerate(_pushes_along(disturbances, com[:-1])):
+    for n, here in enumerate(pushes_along(disturbances, com[:-1])):
         happens, which = draws[n]
         if len(here.impulses) and happens < here.any_within(dt[n]):
             edges = np.cumsum(here.probability)

@@ -23,7 +23,7 @@ from drakeplan.campaigns.card import Card
 from drakeplan.campaigns.label_walk import Label, LabelWalk, WalkOptions
 from drakeplan.campaigns.tilted_environment import draw_environment
 from drakeplan.robustness.capture_poses import CapturePoses
-from drakeplan.timing.step_timing import Timing
+from drakeplan.timing.step_timing import WALKING
 from learning.capture_labels import CAMPAIGN, SCHEMA, VERSION
 from learning.capture_view import motion_of, view_of
 from optimization.balance.friction import DEFAULT_CONE, FrictionCone
@@ -37,7 +37,6 @@ from scenes.input_error import InputError
 from scenes.robots.robot import Robot
 from scenes.stance import Stance
 
-TIMING = Timing(0.6, 0.4)  # Lin 2020 sec. 7.7: 0.6 s of double support, 0.4 s of swing
 PER_MOTION = 32  # questions of each motion in a task
 SLOW, SLOWER = 0.5, 0.5  # share of the questions with less momentum, and by what factor; most fast ones have one answer
 FAST_PUSH = 0.9  # [m/s] greatest push of a walking robot, as a velocity
@@ -97,7 +96,7 @@ class CaptureCampaign:
             "push": FAST_PUSH,
             "spin": [SPIN, SPIN_SHARE],
             "walk": asdict(self.walk),
-            "timing": [TIMING.shift, TIMING.swing],
+            "timing": [WALKING.shift, WALKING.swing],
             "swing_times": list(options.swing_times),
             "horizon": options.horizon,
             "dt": options.dt,
@@ -157,7 +156,7 @@ class CaptureCampaign:
                     return
 
     def _walking(self, robot: Robot) -> CentroidalOptions:
-        return replace(TIMING.options(robot, self.cone), time_limit=1e6)
+        return replace(WALKING.options(robot, self.cone), time_limit=1e6)
 
 
 def _of_swing(
@@ -173,8 +172,8 @@ def _of_swing(
     if not offered:
         return None
     motion = int(rng.choice(offered))
-    first = round(TIMING.shift / (TIMING.step or 0.2))  # knot at which the foot has lifted
-    last = round((TIMING.shift + TIMING.swing) / (TIMING.step or 0.2))
+    first = round(WALKING.shift / (WALKING.step or 0.2))  # knot at which the foot has lifted
+    last = round((WALKING.shift + WALKING.swing) / (WALKING.step or 0.2))
     n = int(rng.integers(first, last))
     held: list = [None] * len(EFFECTORS)
     held[1 - mover] = walk.pool.contact(foot)

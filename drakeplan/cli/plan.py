@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import os
 import resource
 import shlex
 import signal
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -19,7 +17,9 @@ import tyro
 
 from drakeplan.cli import supervisor
 from drakeplan.cli.arguments import Packages
+from drakeplan.cli.output import seconds_since_process_start
 from drakeplan.cli.plan_library import join_library, open_library
+from drakeplan.cli.plan_options import plan_options
 from drakeplan.cli.plan_summary import summary
 from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
@@ -27,7 +27,6 @@ from scenes.input_error import InputError
 if TYPE_CHECKING:
     from drakeplan.plan.plan import Plan
     from drakeplan.progress import Progress, ProgressEvent
-    from drakeplan.query.options import PlanOptions
     from drakeplan.query.result import PlanResult
     from scenes.robots.robot import Robot
     from scenes.scene import Scene
@@ -96,10 +95,13 @@ class Arguments:
     ] = None
     """test of a transition: static balance, networks trained on the centroidal program, or the program itself
     (default: learned; quasi-static where no network fits)"""
-    shift: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
-    """seconds to shift the centre of mass before each swing"""
-    swing: Annotated[float, tyro.conf.arg(metavar="S")] = 1.0
-    """seconds to move an end effector"""
+    capture: Literal["none", "swing", "worst-case"] = "none"
+    """plan against the scene's pushes, with the feet alone: an edge costs what a push may do at four moments of its swing, or at
+    the first; palms may catch the robot"""
+    shift: Annotated[float | None, tyro.conf.arg(metavar="S", help_behavior_hint="")] = None
+    """seconds to shift the centre of mass before each swing (default: 1; with --capture 0.6)"""
+    swing: Annotated[float | None, tyro.conf.arg(metavar="S", help_behavior_hint="")] = None
+    """seconds to move an end effector (default: 1; with --capture 0.4)"""
     free_timing: bool = False
     """optimise these durations for less effort; the total time stays"""
     transition_model: Annotated[
@@ -175,7 +177,7 @@ def run(arguments: Arguments) -> int:
         ProgressPrinter(sys.stderr) as progress,
         _Telling(arguments, scene) as telling,
     ):
-        options = _options(arguments, interrupted, telling)
+        options = plan_options(arguments, interrupted, telling.keep)
         result = plan_scene(scene, robot, options, telling.along(progress))
         telling.answering()
     for note in result.notes:
@@ -257,54 +259,6 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
         lowest, highest = scene.terrain.extent
         spans = ", ".join(f"{a} from {lo:.2f} to {hi:.2f} m" for a, lo, hi in zip("xyz", lowest, highest, strict=True))
         raise InputError(f"scene {scene.name} needs {' and '.join(missing)}: its terrain spans {spans}")
-
-
-def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> PlanOptions:
-    from drakeplan.deadline import compile_clock
-    from drakeplan.query.options import PlanOptions, check_options
-    from drakeplan.timing.step_timing import Timing
-    from optimization.balance.friction import FrictionCone
-    from optimization.balance.reserve import ALL, USUAL
-
-    options = PlanOptions(
-        seed=arguments.seed,
-        start=_in_radians(arguments.start),
-        goal=_in_radians(arguments.goal),
-        start_z=arguments.start_z,
-        goal_z=arguments.goal_z,
-        goal_radius=arguments.goal_radius,
-        friction=arguments.friction,
-        cone=FrictionCone(arguments.cone),
-        planner=arguments.planner,
-        dynamics=arguments.dynamics,
-        timing=Timing(arguments.shift, arguments.swing, arguments.free_timing),
-        transition_model=arguments.transition_model,
-        deadline=arguments.deadline,
-        improve=0.0 if arguments.first else arguments.improve,
-        expansions=arguments.expansions,
-        library=arguments.library,
-        use_palms=not arguments.no_palms,
-        full_soles=arguments.full_soles,
-        heuristic=arguments.heuristic,
-        guide=arguments.guide,
-        footholds=arguments.footholds,
-        stop=interrupted,
-        used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
-        keep=telling.keep,
-        explain=arguments.explain,
-        reserve=ALL if arguments.no_reserve else USUAL,
-        simulate=arguments.simulate,
-        command=shlex.join(["drakeplan", *sys.argv[1:]]),
-    )
-    check_options(options)
-    return options
-
-
-def _in_radians(place: Sequence[float]) -> tuple[float, ...] | None:
-    """(x, y) or (x, y, yaw) with the yaw in radians; None for nothing."""
-    if not place:
-        return None
-    return (*place[:2], *(math.radians(yaw) for yaw in place[2:]))
 
 
 def _verify_command(arguments: Arguments) -> str:
@@ -415,15 +369,6 @@ def _interruptible() -> Iterator[_Flag]:
         yield flag
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def seconds_since_process_start() -> float:
-    """Age of this process, interpreter start-up included (Linux; elsewhere what `perf_counter` says)."""
-    try:
-        ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
-        return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
-    except (OSError, ValueError, IndexError, AttributeError):
-        return time.perf_counter()
 
 
 def _explanation(arguments: Arguments, result: PlanResult) -> list[str]:

@@ -18,6 +18,7 @@ DynamicsName = Literal["quasi-static", "exact", "learned"]
 HeuristicName = Literal["grid", "traversability", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
 GuideName = Literal["mean", "max", "segments"]
+CaptureName = Literal["none", "swing", "worst-case"]
 FitName = Literal["quick", "strip", "strip_ends"]
 BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
@@ -43,6 +44,9 @@ class PlannerOptions:
         longer: longer steps, tried only where those of the model lead no farther.
         footholds: whether a step or a palm ray that finds no foothold moves to the nearest one ("snapped"), or is lost
             ("fixed", as in Lin 2020).
+        capture: whether edges cost what pushes may do during them, and at which moments of a swing: "swing" at four of them
+            (Lin 2020 eq. 7.4), "worst-case" at the first (eq. 7.5).
+        catch_palms: whether palms may then catch the robot.
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
         fit: how stored plans are fitted to the terrain: by an elastic strip that keeps balance ("strip", Lin 2020 sec. 4.5.3)
             or whose contacts are checked for it afterwards ("strip_ends", sec. 5.8.2), or contact by contact first and
@@ -60,6 +64,8 @@ class PlannerOptions:
     model: TransitionModel = field(default_factory=transition_model)
     longer: TransitionModel | None = None
     footholds: FootholdsName = "snapped"
+    capture: CaptureName = "none"
+    catch_palms: bool = True
     library: str = ""
     fit: FitName = "quick"
 
@@ -114,6 +120,7 @@ class ContactPlan:
         predicted_effort: sum of the transitions' dynamics objectives as the planner saw them; None without dynamics.
         origin: stored plans that it was adapted from, in order.
         guide: segments of the guiding path that it was planned along, as JSON values: mode, method, stances, way [m].
+        predicted_success: probability of no fall under the scene's pushes, as the planner saw it; None where it did not ask.
     """
 
     stances: tuple[Stance, ...]
@@ -126,6 +133,7 @@ class ContactPlan:
     predicted_effort: float | None = None
     origin: tuple[str, ...] = ()
     guide: tuple[Mapping[str, object], ...] = ()
+    predicted_success: float | None = None
 
     @property
     def palms_used(self) -> int:

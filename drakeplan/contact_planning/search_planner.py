@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -29,12 +29,18 @@ from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.contact_planning.window_domain import HEURISTIC_WEIGHT, WINDOW, WindowDomain
 from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import AnaStar, Domain, Limits
+from learning.capture_networks import CaptureNetworks
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.window_dynamics import WindowDynamics
 from scenes.footholds.goal_footholds import nobody_fits
 from scenes.footholds.start_stance import standing_com
+from scenes.input_error import InputError
 from scenes.stance import Stance
+
+if TYPE_CHECKING:
+    from drakeplan.robustness.capture_odds import CaptureModel
+    from drakeplan.robustness.robust_domain import RobustDomain
 
 PATIENCE = 1.0  # what each state that is expanded adds to the heuristic of those like it: about that of 10 cm
 LIMIT_REACHED = {"deadline": "deadline", "cancelled": "cancelled", "expansions": "expansion budget spent"}
@@ -52,6 +58,8 @@ class SearchSettings:
         surrogate: for "learned" dynamics; None: the one that comes with drakeplan.
         ask_when_far: whether the exact program answers for transitions that are far from what was learned.
         dynamic_weights: of the edge cost (Lin 2020 eq. 6.6), where transitions are judged by their dynamics.
+        capture_networks: for planning against pushes; None: those that come with drakeplan.
+        capture_model: how likely several capture poses are to save the robot, see `drakeplan.robustness.capture_odds`.
     """
 
     weights: PlannerWeights = field(default_factory=PlannerWeights)
@@ -60,6 +68,8 @@ class SearchSettings:
     surrogate: DynamicsSurrogate | None = None
     ask_when_far: bool = True
     dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
+    capture_networks: CaptureNetworks | None = None
+    capture_model: CaptureModel = "motions"
 
 
 class SearchPlanner:
@@ -139,11 +149,35 @@ class SearchPlanner:
         settings, dynamics = self.settings, self.options.dynamics
         if dynamics == "quasi-static":
             return None
+        if self.options.capture != "none":
+            return self._robust_domain()
         if dynamics == "exact" and settings.window:
             self._heuristic_weight = HEURISTIC_WEIGHT
             program = WindowDynamics(self.context.robot, self._centroidal_options())
             return WindowDomain(self.domain, program, settings.dynamic_weights, settings.window)
         return ComDomain(self.domain, self._evaluator(), settings.dynamic_weights)
+
+    def _robust_domain(self) -> DynamicDomain:
+        """The domain whose edges cost what pushes may do."""
+        from drakeplan.robustness.capture_odds import CaptureOdds
+        from drakeplan.robustness.capture_poses import CapturePoses
+        from drakeplan.robustness.robust_domain import RobustDomain
+        from learning.capture_networks import load_capture
+
+        context, settings, options = self.context, self.settings, self.options
+        networks = settings.capture_networks or load_capture(context.robot)
+        poses = CapturePoses(context.packed, context.robot, self._pool, palms=options.catch_palms)
+        odds = CaptureOdds(networks, poses, settings.capture_model)
+        odds.require_friction(np.array([surface.friction for surface in context.scene.terrain.surfaces]))
+        if not context.scene.disturbances:
+            raise InputError(
+                f"scene {context.scene.name}: --capture {options.capture} plans against pushes, and it has none: add "
+                "`disturbances` to the scene file"
+            )
+        mass, swing = context.robot.mass, options.timing.swing
+        return RobustDomain(
+            self.domain, self._evaluator(), odds, context.scene.disturbances, mass, swing, options.capture
+        )
 
     def _evaluator(self) -> DynamicsEvaluator:
         robot, settings = self.context.robot, self.settings
@@ -213,11 +247,17 @@ class SearchPlanner:
             stances = tuple(self._stance(s) for s in found.path)
             bound = found.bound if self.options.heuristic == "admissible" else None
             elapsed = self.setup_s + found.elapsed
-            com, effort = None, None
-            if self.dynamic is not None:
-                com = np.array([self.dynamic.com_state(s)[0] for s in found.path])
-                effort = self.dynamic.costs.effort(found.path, found.cost)
-            yield ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed, com, effort)
+            plan = ContactPlan(stances, found.path, found.cost, bound, found.expansions, elapsed)
+            yield plan if self.dynamic is None else self._with_dynamics(self.dynamic, plan)
+
+    def _with_dynamics(self, dynamic: DynamicDomain, plan: ContactPlan) -> ContactPlan:
+        """The plan with what the search knows of its dynamics."""
+        com = np.array([dynamic.com_state(s)[0] for s in plan.states])
+        if self.options.capture != "none":
+            return replace(
+                plan, predicted_com=com, predicted_success=cast("RobustDomain", dynamic).success_of(plan.states)
+            )
+        return replace(plan, predicted_com=com, predicted_effort=dynamic.costs.effort(plan.states, plan.cost))
 
     def forbid(self, plan: ContactPlan, transition: int) -> None:
         """Forbids a transition that failed a later, stricter check, so that the next search avoids it.

@@ -16,7 +16,7 @@ from drakeplan.progress import Progress, ProgressEvent
 from drakeplan.query.explanation import explain_sequence
 from drakeplan.query.first_compilation import compile_beside
 from drakeplan.query.obstacle import find_obstacle, proved_obstacle, refused_motion
-from drakeplan.query.options import PlanOptions, check_options, with_options
+from drakeplan.query.options import PlanOptions, check_options, walking_feet, with_options
 from drakeplan.query.query import Query, Rest
 from drakeplan.query.record import QueryRecord
 from drakeplan.query.refusal import Refusal
@@ -69,6 +69,8 @@ def plan_with_one(
     options = options or PlanOptions()
     tell = progress or (lambda event: None)
     check_options(options)
+    if options.capture != "none":
+        options = walking_feet(options)
     check_nominal_stance(robot)
     scene = with_options(scene, options)
     record = QueryRecord()
@@ -327,6 +329,8 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
         heuristic=options.heuristic,
         estimator=options.estimator,
         guide=options.guide,
+        capture=options.capture,
+        catch_palms=options.catch_palms,
         dynamics=dynamics,
         timing=options.timing,
         footholds=options.footholds,

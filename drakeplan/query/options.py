@@ -9,7 +9,14 @@ from typing import get_args
 
 import numpy as np
 
-from drakeplan.contact_planning.contact_plan import DynamicsName, FitName, FootholdsName, GuideName, HeuristicName
+from drakeplan.contact_planning.contact_plan import (
+    CaptureName,
+    DynamicsName,
+    FitName,
+    FootholdsName,
+    GuideName,
+    HeuristicName,
+)
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
 from drakeplan.timing.step_timing import Timing
@@ -41,7 +48,8 @@ class PlanOptions:
         dynamics: what every transition must satisfy: "quasi-static" balance, the centroidal program ("exact"), or what
             has learned it ("learned"; the exact program where nothing was learned for the query). None: "learned" for the
             search, but "quasi-static" where nothing was learned; the other planners have dynamics of their own.
-        timing: of every transition; networks exist only for 1 s and 1 s (Lin 2020 sec. 6.7).
+        timing: of every transition; networks exist for 1 s and 1 s (Lin 2020 sec. 6.7), and for feet alone for 0.6 s and 0.4 s
+            (sec. 7.7).
         heuristic: "grid", "traversability", "euclidean" or "admissible"; only the last gives a bound.
         estimator: see `PlannerOptions.estimator`.
         guide: see `PlannerOptions.guide`.
@@ -55,6 +63,8 @@ class PlanOptions:
         reserve: what is left unused of friction and supports; where no plan keeps it, one without it is looked for.
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
             Lin 2020.
+        capture: see `PlannerOptions.capture`; the feet walk alone then, on whole soles, and palms may catch the robot.
+        catch_palms: whether they may; set from `use_palms` by `walking_feet`.
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
         fit: see `PlannerOptions.fit`.
         search_too: whether the planner "adapt" leaves half of the deadline to the search, where no stored plan fits.
@@ -90,6 +100,8 @@ class PlanOptions:
     deadline: float = 30.0
     improve: float = 1.0
     expansions: int | None = None
+    capture: CaptureName = "none"
+    catch_palms: bool = True
     library: str = ""
     fit: FitName = "quick"
     search_too: bool = True
@@ -102,6 +114,21 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
+
+
+def walking_feet(options: PlanOptions) -> PlanOptions:
+    """The options of a query against pushes: feet alone, whole soles, dynamics that move the CoM (Lin 2020 sec. 7.2).
+
+    Args:
+        options: as they were asked for.
+    """
+    return dataclasses.replace(
+        options,
+        dynamics=options.dynamics or "learned",
+        use_palms=False,
+        catch_palms=options.use_palms,
+        full_soles=True,
+    )
 
 
 def with_options(scene: Scene, options: PlanOptions) -> Scene:
@@ -155,6 +182,13 @@ def check_options(options: PlanOptions) -> None:
         raise unknown_name("heuristic", options.heuristic, get_args(HeuristicName))
     if options.guide not in get_args(GuideName):
         raise unknown_name("guide", options.guide, get_args(GuideName))
+    if options.capture not in get_args(CaptureName):
+        raise unknown_name("capture", options.capture, get_args(CaptureName))
+    if options.capture != "none" and (options.planner != "search" or options.dynamics == "quasi-static"):
+        raise InputError(
+            f"--capture {options.capture} needs --planner search and dynamics that move the CoM, got --planner "
+            f"{options.planner}" + (" --dynamics quasi-static" if options.dynamics == "quasi-static" else "")
+        )
     if options.estimator not in ("", *KINDS):
         raise unknown_name("estimator", options.estimator, KINDS)
     if not entry.judges_transitions and options.dynamics not in (None, "quasi-static"):

@@ -46,7 +46,13 @@ class CapturePoses:
     """Projects the steps of the other foot and the rays of both palms onto one terrain, about any standing foot."""
 
     def __init__(
-        self, packed: PackedTerrain, robot: Robot, pool: ContactPool, model: TransitionModel | None = None
+        self,
+        packed: PackedTerrain,
+        robot: Robot,
+        pool: ContactPool,
+        model: TransitionModel | None = None,
+        *,
+        palms: bool = True,
     ) -> None:
         """Prepares the projections.
 
@@ -55,6 +61,7 @@ class CapturePoses:
             robot: whose feet and palms.
             pool: numbers the contacts.
             model: of steps; None: the planning model.
+            palms: whether palms may catch the robot.
         """
         self.robot, self.pool = robot, pool
         model = model or transition_model("planning")
@@ -62,7 +69,7 @@ class CapturePoses:
         self._footholds = Footholds(packed, 0.0, None)
         self._patches = [patch_shape(e) for e in robot.effectors]
         usable = packed.allowed.any(axis=0)
-        self._palms = [palm for palm in robot.palms if usable[palm]]
+        self._palms = [palm for palm in robot.palms if palms and usable[palm]]
         self._known: dict[int, CaptureContacts] = {}
 
     def about(self, foot: int) -> CaptureContacts:

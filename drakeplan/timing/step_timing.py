@@ -71,3 +71,6 @@ class Timing:
 
 def _divides(step: float, duration: float) -> bool:
     return abs(duration / step - round(duration / step)) < 1e-6
+
+
+WALKING = Timing(0.6, 0.4)  # Lin 2020 sec. 7.7: double support, then a swing
