@@ -25,7 +25,7 @@ from learning.weights import WeightsError
 
 CaptureModel = Literal["motions", "poses"]
 GAMMA = 0.1  # Lin 2020 sec. 7.8
-MOST_ROWS = 1 << 15  # questions in one batch: 4 MiB of features
+MOST_ROWS = 1 << 10  # questions in one batch: features and layers of so many stay in the cache
 
 
 class CaptureOdds:
