@@ -174,9 +174,14 @@ class SearchPlanner:
                 f"scene {context.scene.name}: --capture {options.capture} plans against pushes, and it has none: add "
                 "`disturbances` to the scene file"
             )
-        mass, swing = context.robot.mass, options.timing.swing
         return RobustDomain(
-            self.domain, self._evaluator(), odds, context.scene.disturbances, mass, swing, options.capture
+            self.domain,
+            self._evaluator(),
+            odds,
+            context.scene.disturbances,
+            context.robot,
+            options.timing,
+            options.capture,
         )
 
     def _evaluator(self) -> DynamicsEvaluator:

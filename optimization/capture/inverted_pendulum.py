@@ -13,7 +13,8 @@ that xi_0 lies no farther outside the ground that p can reach than the angular m
 from __future__ import annotations
 
 import numpy as np
-from shapely import MultiPoint, Point
+import shapely
+from shapely import MultiPoint
 from shapely.geometry.base import BaseGeometry
 
 from optimization.centroidal.options import CentroidalOptions
@@ -81,8 +82,19 @@ def depth_inside(region: BaseGeometry, point: np.ndarray) -> float:
         region: in x and y of W [m].
         point: (2,) [m].
     """
-    place = Point(point)
-    return float(region.exterior.distance(place) if region.contains(place) else -region.distance(place))  # type: ignore[attr-defined]
+    return float(depths_inside(region, point[None])[0])
+
+
+def depths_inside(region: BaseGeometry, points: np.ndarray) -> np.ndarray:
+    """(n,) distances of points to the region's edge, positive inside [m].
+
+    Args:
+        region: a polygon in x and y of W [m].
+        points: (n, 2) [m].
+    """
+    places = shapely.points(points)
+    away = shapely.distance(region.exterior, places)  # type: ignore[attr-defined]
+    return np.where(shapely.contains(region, places), away, -away)
 
 
 def angular_allowance(options: CentroidalOptions, mass: float, omega: float) -> float:
