@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,8 @@ class LabelledTransitions:
         scene: (n,) int, equal for transitions of one scene.
         visited: (n,) bool, as the planner met it: CoM and velocity were not shifted at random.
         source: what the data are: fingerprint, seed and parameters of the campaign, as JSON values.
+        lift_com: (n, 3) CoM where the end effector lifts [m]; no rows where that is not known.
+        lift_velocity: (n, 3) its velocity there [m/s].
     """
 
     batch: TransitionBatch
@@ -49,6 +51,8 @@ class LabelledTransitions:
     scene: np.ndarray
     visited: np.ndarray
     source: dict[str, object]
+    lift_com: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    lift_velocity: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __len__(self) -> int:
         return len(self.batch)
@@ -58,6 +62,7 @@ class LabelledTransitions:
         return LabelledTransitions(
             self.batch.take(rows), self.feasible[rows], self.cost[rows], self.com[rows], self.velocity[rows],
             self.scene[rows], self.visited[rows], self.source,
+            *(lift[rows] if len(lift) else lift for lift in (self.lift_com, self.lift_velocity)),
         )  # fmt: skip
 
     @classmethod
@@ -76,7 +81,8 @@ class LabelledTransitions:
         feasible = array("feasible").astype(bool) & known
         visited = array("shift") == "none"
         return cls(
-            batch, feasible, cost, com, velocity, array("scene").astype(np.int64), visited, dict(data.source)
+            batch, feasible, cost, com, velocity, array("scene").astype(np.int64), visited, dict(data.source),
+            array("lift_com"), array("lift_velocity"),
         )  # fmt: skip
 
 

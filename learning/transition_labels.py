@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-CAMPAIGN, VERSION = "dynamics", 2
+CAMPAIGN, VERSION = "dynamics", 3
 
 
 def _column(name: str, type_: pa.DataType, *, nullable: bool = False) -> pa.Field:
@@ -38,6 +38,10 @@ SCHEMA = pa.schema(
         _column("reason", pa.string()),  # the constraint that fails, "" where feasible
         _column("iterations", pa.int16()),  # convex programs solved
         _column("cost", _REAL, nullable=True),  # the documents' objective; null where there is no trajectory
+        _column(
+            "lift_com", pa.list_(_REAL, 3), nullable=True
+        ),  # in W where the end effector lifts, after the shift [m]
+        _column("lift_velocity", pa.list_(_REAL, 3), nullable=True),  # in W there [m/s]
         _column("final_com", pa.list_(_REAL, 3), nullable=True),  # in W at the end [m]
         _column("final_velocity", pa.list_(_REAL, 3), nullable=True),  # in W at the end [m/s]
     ]

@@ -136,6 +136,7 @@ def label_row(label: Label, walk: LabelWalk, environment: TiltedEnvironment, tas
     made = label.child[mover]
     ends = estimate.trajectory is not None
     com, velocity = walk.dynamics.final_state(estimate) if ends else (None, None)
+    lift_com, lift_velocity = walk.dynamics.lift_state(estimate) if ends else (None, None)
     return {
         "scene": task,
         "expansion": label.expansion,
@@ -160,6 +161,8 @@ def label_row(label: Label, walk: LabelWalk, environment: TiltedEnvironment, tas
         "reason": estimate.reason,
         "iterations": len(estimate.records),
         "cost": estimate.cost if ends else None,
+        "lift_com": lift_com,
+        "lift_velocity": lift_velocity,
         "final_com": com,
         "final_velocity": velocity,
     }

@@ -16,18 +16,20 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from drakeplan.campaigns.campaign import Row
+from drakeplan.campaigns.campaign import Row, identity
 from drakeplan.campaigns.campaign_robot import campaign_robot
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import read_plan
 from drakeplan.robustness.moments import Moment, moments_of
 from drakeplan.robustness.push_trial import PushTrials
+from learning.dataset import read_dataset
 from optimization.balance.friction import FrictionCone
 from scenes.disturbance import Disturbance, pushes_along
 from scenes.effector import EFFECTORS
 from scenes.files.scene_file import scene_from_yaml
 from scenes.terrain.packed_terrain import pack_terrain
 
+NAME, VERSION = "push-trials", 1
 BLOCK = 5  # moments of a task
 _REAL = pa.float64()
 SCHEMA = pa.schema(
@@ -70,11 +72,11 @@ class PushTrialsCampaign:
 
     @property
     def name(self) -> str:
-        return "push-trials"
+        return NAME
 
     @property
     def version(self) -> int:
-        return 1
+        return VERSION
 
     @property
     def schema(self) -> pa.Schema:
@@ -94,6 +96,14 @@ class PushTrialsCampaign:
             "pairs": self.pairs,
             "palms": self.palms,
         }
+
+    def mark(self, seed: int) -> str:
+        """Eight letters that name what is tried.
+
+        Args:
+            seed: of what is drawn.
+        """
+        return identity(self, seed, 1).fingerprint[:8]
 
     def num_tasks(self) -> int:
         """How many tasks it has."""
@@ -165,3 +175,16 @@ def _plan(path: str, sha256: str) -> Plan:
 @lru_cache(maxsize=2)
 def _moments(path: str, sha256: str) -> list[Moment]:
     return moments_of(_plan(path, sha256))
+
+
+def read_trials(folder: Path) -> dict[str, np.ndarray]:
+    """The columns of a finished campaign of this kind.
+
+    Args:
+        folder: that it was collected into.
+
+    Raises:
+        InputError: as `learning.dataset.read_dataset`.
+    """
+    data = read_dataset(folder, campaign=NAME, version=VERSION, schema=SCHEMA)
+    return {field.name: data.array(field.name) for field in SCHEMA if field.name != "reason"}

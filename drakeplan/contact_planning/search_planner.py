@@ -163,6 +163,7 @@ class SearchPlanner:
         from drakeplan.robustness.capture_poses import CapturePoses
         from drakeplan.robustness.robust_domain import RobustDomain
         from learning.capture_networks import load_capture
+        from learning.lift_off import load_lift_off
 
         context, settings, options = self.context, self.settings, self.options
         networks = settings.capture_networks or load_capture(context.robot)
@@ -182,6 +183,7 @@ class SearchPlanner:
             context.robot,
             options.timing,
             options.capture,
+            load_lift_off(context.robot, options.timing.times),
         )
 
     def _evaluator(self) -> DynamicsEvaluator:

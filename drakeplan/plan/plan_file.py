@@ -14,7 +14,16 @@ from typing import TypeVar
 import h5py
 import numpy as np
 
-from drakeplan.plan.plan import COMPLETE, CONTACTS_ONLY, Plan, PlanCentroidal, PlanContacts, PlanMotion, PlanPhases
+from drakeplan.plan.plan import (
+    COMPLETE,
+    CONTACTS_ONLY,
+    Plan,
+    PlanCentroidal,
+    PlanContacts,
+    PlanMotion,
+    PlanPhases,
+    PlanRobustness,
+)
 from scenes.effector import EFFECTORS
 from scenes.files.whole_file import require_writable as require_writable
 from scenes.files.whole_file import write_whole
@@ -58,6 +67,12 @@ DATASETS: dict[str, tuple[str, str]] = {
         "N m",
         "torques of the actuators in the plant's order, over [t_i, t_i+1), under the planned contact forces",
     ),
+    "robustness/t": ("s", "time"),
+    "robustness/impulse": ("kg m/s", "W; change of the linear momentum"),
+    "robustness/probability": ("1", "that the impulse happens within 0.1 s, by moment and impulse"),
+    "robustness/captured": ("", "0 falls, 1 stands with what is held, 2 with one new contact, -1 not tried"),
+    "robustness/capture_point": ("m", "W; where the new contact is made, 0 where none is"),
+    "robustness/effector": ("", "index into /effectors of what makes it, -1 for none"),
 }
 
 
@@ -197,6 +212,9 @@ def _plan_bytes(plan: Plan) -> bytes:
             file["motion"].attrs["velocity_names"] = list(plan.motion.velocity_names)
             if plan.motion.tau is not None:
                 file["motion"].attrs["actuator_names"] = list(plan.motion.actuator_names)
+        if plan.robustness is not None:
+            file["robustness"].attrs["p_success"] = plan.robustness.p_success
+            file["robustness"].attrs["method"] = plan.robustness.method
     return image.getvalue()
 
 
@@ -230,6 +248,7 @@ def _arrays(plan: Plan) -> dict[str, object]:
         ("phases", plan.phases),
         ("centroidal", plan.centroidal),
         ("motion", plan.motion),
+        ("robustness", plan.robustness),
     )
     for group, part in parts:
         if part is not None:
@@ -285,8 +304,9 @@ def _read_plan(file: h5py.File) -> Plan:
         centroidal=_read_part(file, "centroidal", PlanCentroidal) if complete else None,
         motion=_read_motion(file) if complete else None,
         provenance=_read_provenance(file),
+        robustness=_read_robustness(file) if "robustness" in file else None,
     )
-    for name in ("phases", "centroidal", "motion"):
+    for name in ("phases", "centroidal", "motion", "robustness"):
         if not complete and name in file:
             raise InputError(f"status is {status!r}, but there is a group {name}")
     return plan
@@ -342,6 +362,14 @@ def _read_motion(file: h5py.File) -> PlanMotion:
             raise InputError(f"motion: attribute {key} is missing, expected a list of names")
         names[key] = tuple(value)
     return PlanMotion(**arrays, **names)
+
+
+def _read_robustness(file: h5py.File) -> PlanRobustness:
+    reals, whole = ("t", "impulse", "probability", "capture_point"), ("captured", "effector")
+    arrays = {leaf: _numbers(file, f"robustness/{leaf}") for leaf in reals}
+    arrays |= {leaf: _integers(file, f"robustness/{leaf}") for leaf in whole}
+    group = file["robustness"]
+    return PlanRobustness(**arrays, p_success=_number(group, "p_success"), method=_attribute(group, "method"))
 
 
 def _dataset(file: h5py.File, name: str) -> h5py.Dataset:

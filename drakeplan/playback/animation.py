@@ -27,6 +27,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drakeplan.plan.plan import Plan, PlanCentroidal
 from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
+from drakeplan.playback.push_rose import animate_pushes
 from drakeplan.playback.still import COM_COLOUR, ROOT
 from drakeplan.playback.supports import animate_supports
 from scenes.gravity import GRAVITY
@@ -89,6 +90,7 @@ def animate(meshcat: Meshcat, plan: Plan, robot: Robot) -> FrameTimes | None:
     for effector, name in enumerate(plan.effectors):
         _animate_force(meshcat, animation, plan, effector, f"{ROOT}/forces/{name}", frames)
     animate_supports(meshcat, animation, plan, frames.rate, frames.last)
+    animate_pushes(meshcat, animation, plan, frames.rate, frames.last)
     meshcat.SetAnimation(animation)
     return frames
 

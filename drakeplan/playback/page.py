@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from drakeplan.plan.plan import Plan
 from drakeplan.playback.animation import FORCE_COLOUR
 from drakeplan.playback.guide_path import MODE_COLOURS, guide_of
+from drakeplan.playback.push_rose import OUTCOMES, risk_bar
 from drakeplan.playback.pushes import PUSH_COLOUR
 from drakeplan.playback.still import COM_COLOUR, EFFECTOR_COLOURS, GOAL_COLOUR, PREDICTED_COLOUR, predicted_com
 from drakeplan.playback.supports import SUPPORT_COLOUR, SUPPORTS
@@ -84,6 +85,8 @@ STYLE = """
     box-shadow: 0 1px 6px rgba(0, 0, 0, 0.18);
   }
   #plan-time input { width: 36vw; vertical-align: middle; margin: 0 8px; }
+  #plan-time .track { position: relative; display: inline-block; }
+  #plan-time .track i { position: absolute; left: 8px; right: 8px; top: -5px; height: 6px; border-radius: 3px; }
   #plan-time label { margin-left: 14px; }
   #plan-time label input { width: auto; margin: 0 5px 0 0; }
   #plan-time button { width: 30px; border: 0; background: none; font-size: 15px; cursor: pointer; }
@@ -117,9 +120,16 @@ def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
         shown.append((_css(PREDICTED_COLOUR), "centre of mass as the search predicted it"))
     guide = {segment.words: _css(MODE_COLOURS[segment.mode]) for segment in guide_of(plan)}
     shown += [(colour, words) for words, colour in guide.items()]
+    controls = CONTROLS
+    if plan.robustness is not None:
+        shown += [(_css(colour), f"a push: the robot {name}") for name, colour in OUTCOMES]
+        bar = f'<span class="track"><i style="background:{risk_bar(plan)}"></i><input type="range"'
+        controls = controls.replace('<input type="range"', bar, 1).replace("<output>", "</span><output>", 1)
     facts = f"{len(plan.stances)} stances"
     facts += f", {plan.duration:.1f} s" if plan.motion is not None else ", contacts only: no motion was found"
-    return _dressed(meshcat_page, [plan.scene_name, plan.robot, facts], [*shown, *_of_scene(scene)], CONTROLS)
+    if plan.robustness is not None:
+        facts += f", {100 * plan.robustness.p_success:.1f} % likely to arrive under pushes"
+    return _dressed(meshcat_page, [plan.scene_name, plan.robot, facts], [*shown, *_of_scene(scene)], controls)
 
 
 def finished_scene_page(meshcat_page: str, scene: Scene) -> str:

@@ -46,7 +46,7 @@ def draw_pushes(meshcat: Meshcat, scene: Scene, root: str) -> np.ndarray:
             meshcat.SetLineSegments(f"{path}/edges", *_edges(corners), 1.0, PUSH_COLOUR)
             shown.append(corners)
         for i, impulse in enumerate(disturbance.impulses):
-            shown.append(_arrow(meshcat, f"{path}/impulse_{i}", tail, impulse))
+            shown.append(draw_arrow(meshcat, f"{path}/impulse_{i}", tail, impulse))
     return np.concatenate(shown)
 
 
@@ -67,15 +67,25 @@ def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners[first].T, corners[last].T
 
 
-def _arrow(meshcat: Meshcat, path: str, tail: np.ndarray, impulse: np.ndarray) -> np.ndarray:
-    """Draws one arrow along an impulse, as long as it is great; (2, 3) its ends [m]."""
+def draw_arrow(
+    meshcat: Meshcat, path: str, tail: np.ndarray, impulse: np.ndarray, colour: Rgba = PUSH_COLOUR
+) -> np.ndarray:
+    """Draws one arrow along an impulse, as long as it is great; (2, 3) its ends [m].
+
+    Args:
+        meshcat: to draw in.
+        path: of the arrow.
+        tail: (3,) where it begins, in the frame of what it is drawn in [m].
+        impulse: (3,) [kg m/s].
+        colour: of all of it.
+    """
     size = float(np.linalg.norm(impulse))
     if size == 0.0:
         return np.zeros((0, 3))
     shaft = max(ARROW_LENGTH * size - HEAD_LENGTH, LEAST_SHAFT)
-    meshcat.SetObject(f"{path}/shaft", Cylinder(SHAFT, shaft), PUSH_COLOUR)
+    meshcat.SetObject(f"{path}/shaft", Cylinder(SHAFT, shaft), colour)
     meshcat.SetTransform(f"{path}/shaft", RigidTransform([0.0, 0.0, shaft / 2]))
-    meshcat.SetObject(f"{path}/head", MeshcatCone(HEAD_LENGTH, HEAD, HEAD), PUSH_COLOUR)
+    meshcat.SetObject(f"{path}/head", MeshcatCone(HEAD_LENGTH, HEAD, HEAD), colour)
     # The cone's apex is its origin and it opens along z: turned about x, its apex at the arrow's point.
     tip = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, shaft + HEAD_LENGTH])
     meshcat.SetTransform(f"{path}/head", tip)

@@ -35,6 +35,8 @@ from drakeplan.contact_planning.dynamic_domain import State
 from drakeplan.contact_planning.dynamics_evaluator import DynamicsEvaluator
 from drakeplan.robustness.capture_odds import CaptureOdds
 from drakeplan.timing.step_timing import Timing
+from learning.lift_off import LiftOff
+from learning.transition_batch import TransitionBatch
 from optimization.capture.inverted_pendulum import depths_inside, support_polygon
 from scenes.disturbance import Disturbance, pushes_along
 from scenes.gravity import GRAVITY
@@ -69,6 +71,7 @@ class RobustDomain(ComDomain):
         robot: Robot,
         timing: Timing,
         capture: CaptureName,
+        lift: LiftOff | None = None,
     ) -> None:
         """Wraps a contact domain.
 
@@ -80,10 +83,11 @@ class RobustDomain(ComDomain):
             robot: that walks.
             timing: of every transition.
             capture: "swing" or "worst-case".
+            lift: tells the CoM where a foot lifts; None: that is guessed from both ends of a transition.
         """
         super().__init__(contacts, evaluator, WEIGHTS)
         self.odds, self._disturbances, self._robot = odds, tuple(disturbances), robot
-        self._timing, self._capture = timing, capture
+        self._timing, self._capture, self._lift = timing, capture, lift
         self._support: dict[tuple[int, int], BaseGeometry] = {}
 
     def successors(self, state: State) -> tuple[Sequence[State], np.ndarray]:
@@ -101,11 +105,7 @@ class RobustDomain(ComDomain):
             states: n states after them.
         """
         shift, swing, moments = self._timing.shift, self._timing.swing, MOMENTS[self._capture]
-        ends = [self.com_state(child) for child in states]
-        whole = (
-            shift + swing + (self._timing.step or 0.0)
-        )  # the programs' last interval, in which the new contact counts
-        way = _Cubic(*self.com_state(state), np.array([r for r, _ in ends]), np.array([v for _, v in ends]), whole)
+        way = self._way(state, states)
         stands = np.array([child[1 - child[4]] for child in states])
         success = np.ones(len(states))
         for foot in np.unique(stands).tolist():
@@ -119,6 +119,21 @@ class RobustDomain(ComDomain):
             calm = self._calm(com, velocity, shift / len(shares), state[:2])
             success *= calm.reshape(len(states), -1).prod(axis=1)
         return success
+
+    def _way(self, state: State, states: Sequence[State]) -> _Ways:
+        """What the CoM does in the transitions from one state to each of several."""
+        r, v = self.com_state(state)
+        ends = [self.com_state(child) for child in states]
+        end = np.array([r for r, _ in ends]), np.array([v for _, v in ends])
+        pool, shift = self.contacts.pool, self._timing.shift
+        # the programs' last interval, in which the new contact counts
+        whole = shift + self._timing.swing + (self._timing.step or 0.0)
+        start = np.broadcast_to(r, end[0].shape), np.broadcast_to(v, end[0].shape)
+        if self._lift is None:
+            return _Ways(start, end, None, shift, whole)
+        before, after = np.array(state[:4]), np.array([child[:4] for child in states])
+        batch = TransitionBatch.of_children(pool.p, pool.R, before, after, r, v, pool.frictions)
+        return _Ways(start, end, self._lift.predict(batch), shift, whole)
 
     def success_of(self, path: Sequence[State]) -> float:
         """Product of P_success over the transitions of a path (Lin 2020 eq. 7.6), as the search sees it."""
@@ -157,23 +172,36 @@ class RobustDomain(ComDomain):
         return 1.0 / (1.0 + np.exp(np.clip((DEPTH - depth) / BLUR, -50.0, 50.0)))
 
 
-class _Cubic:
-    """Cubics from one CoM state to each of several, all in the same time."""
+CoM = tuple[np.ndarray, np.ndarray]  # (n, 3) positions [m] and (n, 3) velocities [m/s]
 
-    def __init__(self, r0: np.ndarray, v0: np.ndarray, r1: np.ndarray, v1: np.ndarray, duration: float) -> None:
-        """From (3,) r0 [m], v0 [m/s] to (n, 3) r1, v1 in this time [s]."""
-        self._ends, self._duration = (np.broadcast_to(r0, r1.shape), np.broadcast_to(v0, r1.shape), r1, v1), duration
 
-    def at(self, t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m k, 3) positions and velocities of m of the cubics at k times, those of one cubic after each other.
+class _Ways:
+    """What the CoM does in n transitions: cubics from start to lift and from lift to end, or from start to end."""
+
+    def __init__(self, start: CoM, end: CoM, lift: CoM | None, lifts_at: float, whole: float) -> None:
+        """Joins the states, lift being at `lifts_at` of `whole` [s]; None where it is not known."""
+        self._start, self._end, self._lift = start, end, lift
+        self._lifts_at, self._whole = lifts_at, whole
+
+    def at(self, t: np.ndarray, rows: np.ndarray) -> CoM:
+        """(m k, 3) positions and velocities of m transitions at k times, those of one transition after each other.
 
         Args:
-            t: (k,) [s].
-            rows: (m,) numbers of the cubics.
+            t: (k,) [s], all before lift or all from there on.
+            rows: (m,) numbers of the transitions.
         """
-        r0, v0, r1, v1 = (end[rows][:, None] for end in self._ends)
-        T, s = self._duration, (np.asarray(t, float) / self._duration)[None, :, None]
-        r = (2 * s**3 - 3 * s**2 + 1) * r0 + (s**3 - 2 * s**2 + s) * T * v0
-        r = r + (3 * s**2 - 2 * s**3) * r1 + (s**3 - s**2) * T * v1
-        v = (6 * s**2 - 6 * s) / T * (r0 - r1) + (3 * s**2 - 4 * s + 1) * v0 + (3 * s**2 - 2 * s) * v1
-        return r.reshape(-1, 3), v.reshape(-1, 3)
+        if self._lift is None:
+            return _cubic(self._start, self._end, self._whole, t, rows)
+        if t[-1] < self._lifts_at:
+            return _cubic(self._start, self._lift, self._lifts_at, t, rows)
+        return _cubic(self._lift, self._end, self._whole - self._lifts_at, np.asarray(t) - self._lifts_at, rows)
+
+
+def _cubic(start: CoM, end: CoM, duration: float, t: np.ndarray, rows: np.ndarray) -> CoM:
+    """Cubic Hermite splines: positions and velocities of the chosen rows at times t, all in the same duration [s]."""
+    (r0, v0), (r1, v1) = ((r[rows][:, None], v[rows][:, None]) for r, v in (start, end))
+    T, s = duration, (np.asarray(t, float) / duration)[None, :, None]
+    r = (2 * s**3 - 3 * s**2 + 1) * r0 + (s**3 - 2 * s**2 + s) * T * v0
+    r = r + (3 * s**2 - 2 * s**3) * r1 + (s**3 - s**2) * T * v1
+    v = (6 * s**2 - 6 * s) / T * (r0 - r1) + (3 * s**2 - 4 * s + 1) * v0 + (3 * s**2 - 2 * s) * v1
+    return r.reshape(-1, 3), v.reshape(-1, 3)

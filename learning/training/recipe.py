@@ -21,6 +21,8 @@ from learning.palm_networks import NUM_PALMS, PALMS, PalmNetworks
 from learning.relative_features import RELATIVE_FRAME, relative_feature_names
 from learning.surrogate import DOCUMENTED_TIMES, DynamicsSurrogate, dynamics_fingerprint, weights_name
 from learning.training.lesson import Lesson, lessons
+from learning.training.lift_off import OPTIONS as LIFT_OPTIONS
+from learning.training.lift_off import train_lift_off
 from learning.training.options import TrainingOptions
 from learning.training.teacher import Taught, teach
 from learning.transition_features import NUM_CATEGORIES
@@ -108,6 +110,12 @@ def train_dynamics(
     card |= {"measured": report.facts()}
     name = weights_name(_times(labels))
     write_weights(out, name, surrogate.tensors(), card)
+    if len(labels.lift_com) and options.kind != "documented":
+
+        def lifted(name: str, epoch: int, loss: float, check: float) -> None:
+            tell(Progress(name, len(plan) + 1, len(plan) + 1, epoch, LIFT_OPTIONS.epochs, loss, check))
+
+        train_lift_off(labels, robot, out, _times(labels), options.seed, lifted)
     _write_curves(out / CURVES, taught)
     write_whole(out / REPORT, (json.dumps(report.facts(), indent=1) + "\n").encode())
     return Trained(out / f"{name}.safetensors", surrogate, report)

@@ -113,3 +113,14 @@ class TransitionDynamics:
         if estimate.trajectory is None:
             raise ValueError(f"the transition has no trajectory: {estimate.reason}")
         return estimate.trajectory.com[-1], estimate.trajectory.linear_momentum[-1] / self.robot.mass
+
+    def lift_state(self, estimate: CentroidalEstimate) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) CoM [m] and (3,) velocity [m/s] where the end effector lifts, at the end of the shift.
+
+        Raises:
+            ValueError: the estimate has no trajectory.
+        """
+        if estimate.trajectory is None:
+            raise ValueError(f"the transition has no trajectory: {estimate.reason}")
+        n = round(self.options.shift_time / self.options.dt)
+        return estimate.trajectory.com[n], estimate.trajectory.linear_momentum[n] / self.robot.mass

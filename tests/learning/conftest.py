@@ -76,9 +76,10 @@ def _as_table(labels: LabelledTransitions) -> pa.Table:
     b, c = labels.batch, canonicalise(labels.batch)
     rows = []
     for i in range(len(labels)):
-        outcome = {"cost": None, "final_com": None, "final_velocity": None}
+        outcome = dict.fromkeys(("cost", "lift_com", "lift_velocity", "final_com", "final_velocity"))
         if labels.feasible[i]:
-            outcome = {"cost": labels.cost[i], "final_com": labels.com[i], "final_velocity": labels.velocity[i]}
+            outcome = {"cost": labels.cost[i], "lift_com": labels.com[i], "lift_velocity": labels.velocity[i]}
+            outcome |= {"final_com": labels.com[i], "final_velocity": labels.velocity[i]}
         rows.append(
             {
                 "scene": labels.scene[i], "expansion": 0, "ground": "tilted", "walls": "none", "steps": "dense",
