@@ -26,6 +26,7 @@ def summary(report: dict[str, object]) -> str:
         f" search {number('planning_s')} s, dynamics {number('dynamics_s')} s, motion {number('motion_s')} s",
         *_guide(report),
         *_origin(report),
+        *_pushes(report),
         *_judges(report),
         *_torque(report),
         *_simulated(report),
@@ -52,6 +53,16 @@ def _origin(report: dict[str, object]) -> list[str]:
     if not isinstance(names, list) or not names:
         return []
     return [f"  adapted from the stored plan{'s' if len(names) > 1 else ''} {', '.join(map(str, names))}"]
+
+
+def _pushes(report: dict[str, object]) -> list[str]:
+    """A line with the probability of arriving under pushes, where the search asked for it."""
+    success = report.get("predicted_success")
+    if not isinstance(success, float):
+        return []
+    return [
+        f"  {100 * success:.1f} % likely to arrive under pushes, as the networks see it; drakeplan robustness tries them"
+    ]
 
 
 def _judges(report: dict[str, object]) -> list[str]:

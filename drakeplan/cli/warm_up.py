@@ -48,7 +48,7 @@ def run(arguments: Arguments) -> int:
         os.environ[KERNELS] = str(folder)
     from drakeplan.cli.output import print_json
     from drakeplan.progress import ProgressPrinter
-    from drakeplan.query.one_planner import load_kernels
+    from drakeplan.query.one_planner import CAPTURE_KERNELS, load_kernels
     from drakeplan.query.options import PlanOptions
     from drakeplan.query.planning import plan_scene
     from optimization.inverse_kinematics.whole_body_ik import WholeBodyIK
@@ -59,7 +59,9 @@ def run(arguments: Arguments) -> int:
     with ProgressPrinter(sys.stderr) as progress:
         options = PlanOptions(goal=(0.5, 0.0), improve=0.0, deadline=600.0)
         robot = load_robot(arguments.robot)
-        load_kernels(robot, WholeBodyIK(robot), "guided", progress)
+        ik = WholeBodyIK(robot)
+        load_kernels(robot, ik, "guided", progress)
+        load_kernels(robot, ik, "search", progress, CAPTURE_KERNELS)
         plan_scene(load_scene("flat"), robot, options, progress)
     kept = os.environ.get(KERNELS)
     number = len(list(Path(kept).rglob(COMPILED))) if kept else None

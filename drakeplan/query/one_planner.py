@@ -36,6 +36,7 @@ from scenes.scene import Scene
 from scenes.transition_model import transition_model
 
 _WARM: set[tuple[str, str]] = set()  # robots and planners whose kernels this process has loaded
+CAPTURE_KERNELS = "drakeplan.robustness.warm_up:warm_up"
 SURELY_HELD = np.cos(np.pi / 8)  # share of the friction that the octagon inside Coulomb's cone has in every direction
 MAX_REPAIRS = 12  # times that a refused sequence is forbidden and the search resumes
 RESERVE, MOST_RESERVE = 0.1, 3.0  # of the deadline, and seconds at most, kept back for what stands in the way
@@ -86,6 +87,8 @@ def plan_with_one(
     load_kernels(robot, context.ik, options.planner, tell)
     if options.heuristic == "traversability":
         load_kernels(robot, context.ik, "guided", tell)
+    if options.capture != "none":
+        load_kernels(robot, context.ik, options.planner, tell, CAPTURE_KERNELS)
     deadline.start()
     tell = _with_time_left(tell, deadline)
     record.start, record.goal = context.start.feet_mean().tolist(), list(context.goal.xyz)
@@ -146,7 +149,7 @@ def _with_time_left(tell: Progress, deadline: Deadline) -> Progress:
     return lambda event: tell(dataclasses.replace(event, left=deadline.left()))
 
 
-def load_kernels(robot: Robot, ik: WholeBodyIK, planner: str, tell: Progress) -> None:
+def load_kernels(robot: Robot, ik: WholeBodyIK, planner: str, tell: Progress, kernels: str = "") -> None:
     """Loads what is compiled, before the clock of a query starts, and says so where it has to be compiled first.
 
     Args:
@@ -154,8 +157,9 @@ def load_kernels(robot: Robot, ik: WholeBodyIK, planner: str, tell: Progress) ->
         ik: its inverse kinematics.
         planner: whose kernels are loaded beside those of every query.
         tell: told what goes on.
+        kernels: what loads them, if others than the planner's.
     """
-    kernels = planner_entry(planner).kernels
+    kernels = kernels or planner_entry(planner).kernels
     if {(robot.model_sha256, ""), (robot.model_sha256, kernels)} <= _WARM:
         return
     note = ProgressEvent("load", "compiling kernels, once on this machine: two to four minutes")

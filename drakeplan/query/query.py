@@ -159,6 +159,7 @@ class Query:
             self.record.palms_used = sequence.palms_used
             self.record.adapted_from = list(sequence.origin)
             self.record.guide = [dict(segment) for segment in sequence.guide]
+            self.record.predicted_success = sequence.predicted_success
         return sequence
 
     def _incumbents(self, until: float) -> list[ContactPlan]:
@@ -330,6 +331,8 @@ class Query:
             facts["adapted_from"] = list(sequence.origin)
         if sequence.guide:
             facts["guide"] = [dict(segment) for segment in sequence.guide]
+        if sequence.predicted_success is not None:
+            facts["predicted_success"] = sequence.predicted_success
         if sequence.predicted_com is not None:
             facts["predicted_com"] = sequence.predicted_com.tolist()
         context = self.context

@@ -44,6 +44,7 @@ class QueryRecord:
         contacts, stances, palms_used: its size.
         adapted_from: stored plans that it comes from, by name.
         guide: segments of the guiding path that it follows; see `ContactPlan.guide`.
+        predicted_success: probability that no push fells the robot, as the search saw it; None where it did not ask.
         expansions: of all rounds of search.
         time_to_first_s: seconds of search until the first contact sequence.
         time_to_first_feasible_s: and until one was known to be dynamically feasible, its program included.
@@ -70,6 +71,7 @@ class QueryRecord:
     palms_used: int = 0
     adapted_from: list[str] = field(default_factory=list)
     guide: list[dict[str, object]] = field(default_factory=list)
+    predicted_success: float | None = None
     expansions: int = 0
     time_to_first_s: float | None = None
     time_to_first_feasible_s: float | None = None
