@@ -23,21 +23,24 @@ ABOUT = """Trains surrogates: networks that predict in microseconds what a progr
 
 SURROGATE is one of
   dynamics        feasibility, objective, final CoM and velocity of a contact transition (Lin et al. 2019); needs torch
+  capture         whether a pushed robot comes to rest (Lin 2020 ch. VII): three kinds of networks; needs torch
   traversability  how many footsteps lead on from a torso pose (Lin & Berenson 2017): a network, and the four
                   regressors of that paper
 The data come from `drakeplan collect`. Whole scenes are held out; the table reports errors on scenes that were not used in training.
 
 A training of dynamics that was killed goes on from its last epoch when the same command is given again, and the same data,
 options and seed give the same bytes on a CPU. Traversability takes 10 s; of the options it knows --data, --out, --robot,
---package, --seed and --json.
+--package, --seed and --json. Capture takes minutes, and knows --epochs too.
 
 examples:
   drakeplan train dynamics --data labels --out weights
   drakeplan train dynamics --data labels --out weights --kind documented --json
   drakeplan train dynamics --data labels --out curve --learning-curve --epochs 10
+  drakeplan train dynamics --data walking --out weights --kind shared
+  drakeplan train capture --data captures --out weights
   drakeplan train traversability --data footsteps --out weights"""
 
-SURROGATES = ("dynamics", "traversability")
+SURROGATES = ("dynamics", "capture", "traversability")
 QUIET = 0.5  # [s] between lines on a terminal
 
 
@@ -46,7 +49,7 @@ class Arguments:
     """Arguments of `drakeplan train`."""
 
     surrogate: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SURROGATE")]
-    """which one: dynamics or traversability"""
+    """which one: dynamics, capture or traversability"""
     data: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
     """folder of shards that `drakeplan collect` wrote"""
     out: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
@@ -92,6 +95,13 @@ def run(arguments: Arguments) -> int:
         return run_traversability(arguments.data, arguments.out, arguments.robot, packages, seed, arguments.json)
     if find_spec("torch") is None:
         raise InputError("drakeplan train needs torch: pip install 'drakeplan[train]'")
+    if arguments.surrogate == "capture":
+        from drakeplan.cli.train_capture import run_capture
+
+        packages, seed = tuple(arguments.package), arguments.seed
+        return run_capture(
+            arguments.data, arguments.out, arguments.robot, packages, seed, arguments.epochs, arguments.json
+        )
     from learning.labelled_transitions import read_labels
     from learning.training.options import recommended
     from scenes.robots.addresses import read_packages
