@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drakeplan.bench.robustness import COLUMNS, robustness_sums
+from drakeplan.bench.momentum_columns import COLUMNS, robustness_sums
 from drakeplan.contact_planning.contact_plan import ContactPlan, PlannerOptions
 from drakeplan.contact_planning.search_planner import SearchPlanner, SearchSettings
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem

@@ -188,3 +188,12 @@ def read_trials(folder: Path) -> dict[str, np.ndarray]:
     """
     data = read_dataset(folder, campaign=NAME, version=VERSION, schema=SCHEMA)
     return {field.name: data.array(field.name) for field in SCHEMA if field.name != "reason"}
+
+
+def columns_of(rows: Sequence[Row]) -> dict[str, np.ndarray]:
+    """Rows of trials as columns, as `read_trials` gives them.
+
+    Args:
+        rows: at least one.
+    """
+    return {field.name: np.array([row[field.name] for row in rows]) for field in SCHEMA if field.name != "reason"}

@@ -19,6 +19,7 @@ HeuristicName = Literal["grid", "traversability", "euclidean", "admissible"]
 FootholdsName = Literal["snapped", "fixed"]
 GuideName = Literal["mean", "max", "segments"]
 CaptureName = Literal["none", "swing", "worst-case"]
+OddsName = Literal["motions", "poses", "off"]
 FitName = Literal["quick", "strip", "strip_ends"]
 BEYOND = 0.1  # [m] how much farther than the steps of the transition model a snapped foot may be set
 
@@ -46,6 +47,8 @@ class PlannerOptions:
             ("fixed", as in Lin 2020).
         capture: whether edges cost what pushes may do during them, and at which moments of a swing: "swing" at four of them
             (Lin 2020 eq. 7.4), "worst-case" at the first (eq. 7.5).
+        odds: how several capture poses add up: every capture motion counts once ("motions", with networks that say how sure
+            they are), every pose counts ("poses", with the networks of Lin 2020 fig. 7.3), or not at all ("off", its baseline).
         catch_palms: whether palms may then catch the robot.
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
         fit: how stored plans are fitted to the terrain: by an elastic strip that keeps balance ("strip", Lin 2020 sec. 4.5.3)
@@ -65,6 +68,7 @@ class PlannerOptions:
     longer: TransitionModel | None = None
     footholds: FootholdsName = "snapped"
     capture: CaptureName = "none"
+    odds: OddsName = "motions"
     catch_palms: bool = True
     library: str = ""
     fit: FitName = "quick"

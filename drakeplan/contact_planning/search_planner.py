@@ -29,7 +29,6 @@ from drakeplan.contact_planning.transition_check import TransitionCheck
 from drakeplan.contact_planning.window_domain import HEURISTIC_WEIGHT, WINDOW, WindowDomain
 from drakeplan.context import QueryContext
 from drakeplan.search.ana_star import AnaStar, Domain, Limits
-from learning.capture_networks import CaptureNetworks
 from learning.surrogate import DynamicsSurrogate, load_surrogate
 from optimization.centroidal.options import CentroidalOptions
 from optimization.centroidal.window_dynamics import WindowDynamics
@@ -39,7 +38,6 @@ from scenes.input_error import InputError
 from scenes.stance import Stance
 
 if TYPE_CHECKING:
-    from drakeplan.robustness.capture_odds import CaptureModel
     from drakeplan.robustness.robust_domain import RobustDomain
 
 PATIENCE = 1.0  # what each state that is expanded adds to the heuristic of those like it: about that of 10 cm
@@ -58,8 +56,6 @@ class SearchSettings:
         surrogate: for "learned" dynamics; None: the one that comes with drakeplan.
         ask_when_far: whether the exact program answers for transitions that are far from what was learned.
         dynamic_weights: of the edge cost (Lin 2020 eq. 6.6), where transitions are judged by their dynamics.
-        capture_networks: for planning against pushes; None: those that come with drakeplan.
-        capture_model: how likely several capture poses are to save the robot, see `drakeplan.robustness.capture_odds`.
     """
 
     weights: PlannerWeights = field(default_factory=PlannerWeights)
@@ -68,8 +64,6 @@ class SearchSettings:
     surrogate: DynamicsSurrogate | None = None
     ask_when_far: bool = True
     dynamic_weights: DynamicWeights = field(default_factory=DynamicWeights)
-    capture_networks: CaptureNetworks | None = None
-    capture_model: CaptureModel = "motions"
 
 
 class SearchPlanner:
@@ -161,14 +155,14 @@ class SearchPlanner:
         """The domain whose edges cost what pushes may do."""
         from drakeplan.robustness.capture_odds import CaptureOdds
         from drakeplan.robustness.capture_poses import CapturePoses
-        from drakeplan.robustness.robust_domain import RobustDomain
+        from drakeplan.robustness.robust_domain import CAPTURE_WEIGHT, RobustDomain
         from learning.capture_networks import load_capture
         from learning.lift_off import load_lift_off
 
-        context, settings, options = self.context, self.settings, self.options
-        networks = settings.capture_networks or load_capture(context.robot)
+        context, options = self.context, self.options
+        networks = load_capture(context.robot, "documented" if options.odds == "poses" else "ensemble")
         poses = CapturePoses(context.packed, context.robot, self._pool, palms=options.catch_palms)
-        odds = CaptureOdds(networks, poses, settings.capture_model)
+        odds = CaptureOdds(networks, poses, "poses" if options.odds == "poses" else "motions")
         odds.require_friction(np.array([surface.friction for surface in context.scene.terrain.surfaces]))
         if not context.scene.disturbances:
             raise InputError(
@@ -184,6 +178,7 @@ class SearchPlanner:
             options.timing,
             options.capture,
             load_lift_off(context.robot, options.timing.times),
+            0.0 if options.odds == "off" else CAPTURE_WEIGHT,
         )
 
     def _evaluator(self) -> DynamicsEvaluator:

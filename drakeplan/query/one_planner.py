@@ -334,6 +334,7 @@ def _planner_options(context: QueryContext, options: PlanOptions, dynamics: Dyna
         estimator=options.estimator,
         guide=options.guide,
         capture=options.capture,
+        odds=options.odds,
         catch_palms=options.catch_palms,
         dynamics=dynamics,
         timing=options.timing,

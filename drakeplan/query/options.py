@@ -16,6 +16,7 @@ from drakeplan.contact_planning.contact_plan import (
     FootholdsName,
     GuideName,
     HeuristicName,
+    OddsName,
 )
 from drakeplan.contact_planning.planner import PLANNERS, planner_entry
 from drakeplan.plan.plan import Plan
@@ -64,6 +65,7 @@ class PlanOptions:
         footholds: "snapped": a step or a palm ray that finds no foothold moves to the nearest one; "fixed": it is lost, as in
             Lin 2020.
         capture: see `PlannerOptions.capture`; the feet walk alone then, on whole soles, and palms may catch the robot.
+        odds: see `PlannerOptions.odds`.
         catch_palms: whether they may; set from `use_palms` by `walking_feet`.
         library: folder of stored plans for planners that adapt some; "" for the one that comes with the robot.
         fit: see `PlannerOptions.fit`.
@@ -101,6 +103,7 @@ class PlanOptions:
     improve: float = 1.0
     expansions: int | None = None
     capture: CaptureName = "none"
+    odds: OddsName = "motions"
     catch_palms: bool = True
     library: str = ""
     fit: FitName = "quick"
@@ -184,6 +187,8 @@ def check_options(options: PlanOptions) -> None:
         raise unknown_name("guide", options.guide, get_args(GuideName))
     if options.capture not in get_args(CaptureName):
         raise unknown_name("capture", options.capture, get_args(CaptureName))
+    if options.odds not in get_args(OddsName):
+        raise unknown_name("odds", options.odds, get_args(OddsName))
     if options.capture != "none" and (options.planner != "search" or options.dynamics == "quasi-static"):
         raise InputError(
             f"--capture {options.capture} needs --planner search and dynamics that move the CoM, got --planner "

@@ -72,6 +72,7 @@ class RobustDomain(ComDomain):
         timing: Timing,
         capture: CaptureName,
         lift: LiftOff | None = None,
+        weight: float = CAPTURE_WEIGHT,
     ) -> None:
         """Wraps a contact domain.
 
@@ -84,18 +85,19 @@ class RobustDomain(ComDomain):
             timing: of every transition.
             capture: "swing" or "worst-case".
             lift: tells the CoM where a foot lifts; None: that is guessed from both ends of a transition.
+            weight: w_cap of the edge cost; 0 is the baseline of Lin 2020 sec. 7.8.
         """
         super().__init__(contacts, evaluator, WEIGHTS)
         self.odds, self._disturbances, self._robot = odds, tuple(disturbances), robot
-        self._timing, self._capture, self._lift = timing, capture, lift
+        self._timing, self._capture, self._lift, self._weight = timing, capture, lift, weight
         self._support: dict[tuple[int, int], BaseGeometry] = {}
 
     def successors(self, state: State) -> tuple[Sequence[State], np.ndarray]:
         """The next states and what reaching them costs (Lin 2020 eq. 7.3)."""
         states, costs = super().successors(state)
-        if not states:
+        if not states or not self._weight:
             return states, costs
-        return states, costs - CAPTURE_WEIGHT * np.log(self.success(state, states))
+        return states, costs - self._weight * np.log(self.success(state, states))
 
     def success(self, state: State, states: Sequence[State]) -> np.ndarray:
         """(n,) P_success of the transitions from one state to each of several (Lin 2020 eq. 7.4, 7.5).

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drakeplan.bench.lin2019.queries import DEADLINE, MAIN, SCENES, SHORT, Query, mean, of
-from drakeplan.bench.robustness import COLUMNS, pooled_means
+from drakeplan.bench.momentum_columns import COLUMNS, pooled_means
 from drakeplan.bench.table import BenchTable
 
 # Lin et al. 2019 fig. 8, columns (1) to (12).

@@ -34,7 +34,7 @@ from drakeplan.bench.lin2019.queries import (
     uncalibrated,
     weights_digest,
 )
-from drakeplan.bench.robustness import COLUMNS, pooled_means, robustness, robustness_sums
+from drakeplan.bench.momentum_columns import COLUMNS, pooled_means, robustness, robustness_sums
 from drakeplan.contact_planning.contact_plan import ContactPlan
 from drakeplan.contact_planning.program_planner import FORMULATIONS
 from drakeplan.contact_planning.sequence_dynamics import sequence_dynamics, sequence_problem
