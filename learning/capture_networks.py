@@ -62,7 +62,7 @@ class CaptureNetworks:
         kind: of `KINDS`.
         members: for each capture motion, its networks with one logit each.
         scale, offset: (4,) a and b of each motion: a member's probability is expit(a logit + b).
-        low, high: (4, 32) least and greatest feature of the training data, by motion.
+        low, high: (4, 45) least and greatest feature of the training data, by motion.
         friction: least coefficient in them [-].
         card: what was written beside the weights.
     """
@@ -94,7 +94,7 @@ class CaptureNetworks:
 
         Args:
             motion: index into `CAPTURE_MOTIONS`.
-            x: (n, 32) features of `capture_features.py`, float32; changed where networks do not know the spin.
+            x: (n, 45) features of `capture_features.py`, float32; changed where networks do not know the spin.
             inputs: (n, d) what the networks take; None: x.
         """
         if self.kind != "spin":
@@ -125,10 +125,10 @@ class CaptureNetworks:
 
 
 def fit_range(x: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(4, 32) least and greatest features of each motion, a little wider; without data no question lies between them.
+    """(4, 45) least and greatest features of each motion, a little wider; without data no question lies between them.
 
     Args:
-        x: (n, 32) features.
+        x: (n, 45) features.
         motion: (n,) of each row.
     """
     low, high = np.full((NUM_MOTIONS, NUM_FEATURES), np.inf), np.full((NUM_MOTIONS, NUM_FEATURES), -np.inf)

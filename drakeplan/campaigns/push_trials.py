@@ -126,8 +126,10 @@ class PushTrialsCampaign:
         for number in range(task * BLOCK, min((task + 1) * BLOCK, len(moments))):
             moment = moments[number]
             (here,) = pushes_along(disturbances, moment.com[None])
-            chosen = rng.random(len(here.impulses)) < self.pairs
-            for impulse, probability in zip(here.impulses[chosen], here.probability[chosen], strict=True):
+            impulses, which = np.unique(here.impulses.reshape(-1, 3), axis=0, return_inverse=True)
+            likely = np.bincount(which.ravel(), weights=here.probability, minlength=len(impulses))
+            chosen = rng.random(len(impulses)) < self.pairs
+            for impulse, probability in zip(impulses[chosen], likely[chosen], strict=True):
                 found.append(_row(trials, number, moment, impulse, float(probability)))
         return found
 

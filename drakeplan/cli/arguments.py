@@ -20,6 +20,7 @@ from scenes.input_error import InputError
 
 Parsed = TypeVar("Parsed")
 Numbers = tuple[float, ...]  # the type of an option that takes several numbers
+Triples = tuple[tuple[float, float, float], ...]
 Names = tuple[str, ...]  # the type of a last positional that takes all words that are left
 Packages = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=DIR", help_behavior_hint="")
@@ -111,6 +112,15 @@ def _take_values(prog: str, option: _Word, words: list[str]) -> list[str]:
         if len(values) < 2:
             got = " ".join([*values, *words[:1]]) or "nothing"
             raise InputError(f"{prog}: {option.name}: expected two or three numbers, X Y [YAW], got {got}")
+    elif option.type == Triples:
+        values = []
+        while words and _number(words[0]) is not None:
+            values.append(words.pop(0))
+        if not values or len(values) % 3:
+            got = " ".join([*values, *words[:1]]) or "nothing"
+            raise InputError(
+                f"{prog}: {option.name}: expected three numbers X Y Z, or three for each of several, got {got}"
+            )
     else:
         if not words or _is_option(words[0]):
             raise InputError(f"{prog}: {option.name}: a value is missing after it")
@@ -125,7 +135,7 @@ def _check_number(prog: str, option: _Word, value: str) -> None:
     if option.type is int:
         if not value.lstrip("+-").isdecimal():
             raise InputError(f"{prog}: {option.name}: expected a whole number, got {value!r}")
-    elif option.type in (float, Numbers):
+    elif option.type in (float, Numbers, Triples):
         number = _number(value)
         if number is None or not math.isfinite(number):
             raise InputError(f"{prog}: {option.name}: expected a finite number, got {value!r}")

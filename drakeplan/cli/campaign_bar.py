@@ -73,14 +73,15 @@ def collect_aloud(
 class CampaignBar:
     """A progress bar on standard error; it appears with the first progress, so that a mistake stands on a line alone."""
 
-    def __init__(self, count: int, rows: str) -> None:
+    def __init__(self, count: int, rows: str, unit: str = "env") -> None:
         """A bar that is not shown yet.
 
         Args:
             count: environments in all.
             rows: what the rows are called.
+            unit: what the tasks are called.
         """
-        self._count, self._rows = count, rows
+        self._count, self._rows, self._unit = count, rows, unit
         self._bar: tqdm[NoReturn] | None = None
         self._began_at: int | None = None
 
@@ -89,7 +90,7 @@ class CampaignBar:
         if self._bar is None:
             from tqdm.auto import tqdm
 
-            self._bar = tqdm(total=self._count, unit="env", file=sys.stderr, dynamic_ncols=True, smoothing=0.0)
+            self._bar = tqdm(total=self._count, unit=self._unit, file=sys.stderr, dynamic_ncols=True, smoothing=0.0)
         if progress.message:
             self._bar.write(progress.message, file=sys.stderr)
         if self._began_at is None:  # what earlier sessions did says nothing about the rate

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from drakeplan.cli.arguments import Packages
+from drakeplan.cli.arguments import Packages, Triples
 from scenes.input_error import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ A stopped evaluation goes on where it was when the same command is given again.
 examples:
   drakeplan robustness plan.h5
   drakeplan robustness plan.h5 --out tried.h5 --html tried.html
-  drakeplan robustness plan.h5 --impulse 0 30 0 --impulse 0 -30 0 --pairs 0.2 --json
+  drakeplan robustness plan.h5 --impulse 0 30 0 0 -30 0 --pairs 0.2 --json
   drakeplan robustness plan.h5 --map ground.png
 
 exit status: 0 done, 2 the plan cannot be read, has no motion, or there are no pushes"""
@@ -45,11 +45,8 @@ class Arguments:
     """the plan file"""
     scene: Annotated[str | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
     """scene whose pushes are tried (default: the plan's own)"""
-    impulse: Annotated[
-        tyro.conf.UseAppendAction[tuple[tuple[float, float, float], ...]],
-        tyro.conf.arg(metavar="X Y Z", help_behavior_hint=""),
-    ] = ()
-    """a push [kg m/s] in place of the scene's, everywhere; may be given several times"""
+    impulse: Annotated[Triples, tyro.conf.arg(metavar="X Y Z", help_behavior_hint="")] = ()
+    """a push [kg m/s] in place of the scene's, everywhere; X Y Z X Y Z gives two"""
     probability: Annotated[float, tyro.conf.arg(metavar="P")] = 0.01
     """of --impulse: that one of them happens within 0.1 s"""
     samples: Annotated[int, tyro.conf.arg(metavar="N")] = 10
@@ -83,9 +80,11 @@ def run(arguments: Arguments) -> int:
     from drakeplan.plan.robot_of_plan import RobotMark, find_robot
     from scenes.robots.addresses import read_packages
 
-    for path in (arguments.out, arguments.html, arguments.map):
-        if path is not None:
-            require_writable(path)
+    outputs = [path for path in (arguments.out, arguments.html, arguments.map) if path is not None]
+    for path in outputs:
+        require_writable(path)
+    if len({Path(path).resolve() for path in outputs}) < len(outputs):
+        raise InputError("two of --out, --html and --map name the same file")
     plan = read_plan(arguments.plan)
     if plan.centroidal is None:
         raise InputError(f"{arguments.plan}: a plan of contacts only: it has no states that could be pushed")
@@ -150,7 +149,7 @@ def try_pushes(
     )
     folder = Path(f"{arguments.out or arguments.plan}.pushes-{campaign.mark(arguments.seed)}")
     options = CollectOptions(campaign.num_tasks(), arguments.seed, tasks_per_shard=1)
-    bar = CampaignBar(options.tasks, "pushes")
+    bar = CampaignBar(options.tasks, "pushes", unit="block")
     try:
         workers = LocalWorkers(campaign, arguments.workers)
         try:
@@ -164,8 +163,13 @@ def try_pushes(
     finally:
         bar.close()
     if card.quarantined:
-        raise InputError(f"{arguments.plan}: some moments could not be tried: {card.quarantined[0]}")
+        raise InputError(
+            f"{arguments.plan}: some moments could not be tried: {card.quarantined[0]}; remove {folder} to try them again"
+        )
     rows = read_trials(folder)
+    if not len(rows["moment"]) and arguments.pairs < 1.0:
+        shutil.rmtree(folder)
+        raise InputError(f"--pairs {arguments.pairs:g}: draws no push of this plan: give a larger share")
     report = report_of(moments_of(plan), rows, campaign.parameters, arguments.pairs)
     shutil.rmtree(folder)
     return report

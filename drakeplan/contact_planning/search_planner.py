@@ -209,7 +209,8 @@ class SearchPlanner:
         if not np.isfinite(self._start_distance()):
             self.domain.beyond_grid = True
         began, found = clock(), False
-        for plan in self._run(limits, clock, 0):
+        run = self._run if self.options.capture == "none" or self.dynamic is None else self._run_twice
+        for plan in run(limits, clock, 0):
             found = True
             yield plan
         search = self.search
@@ -236,12 +237,43 @@ class SearchPlanner:
                 self._unreachable = walled_off(terrain, context.packed, robot, reach, context.start, goal, full)
         return self._unreachable
 
-    def _run(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:
-        """One search, which counts its expansions from this number on."""
+    def _run_twice(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:
+        """A search that expects risk all the way, and with the other half of time and expansions one that does not.
+
+        The second one gives only what is better than the first one's answer.
+        """
+        dynamic = cast("RobustDomain", self.dynamic)
+        half = replace(
+            limits,
+            improve=None if limits.improve is None else limits.improve / 2.0,
+            expansions=None if limits.expansions is None else (limits.expansions + 1) // 2,
+        )
+        best, began, dynamic.expects_risk = np.inf, clock(), True
+        try:
+            for plan in self._run(half, clock, expansions):
+                best = plan.cost
+                yield plan
+        finally:
+            dynamic.expects_risk = False
+        if self.search is None or self.search.ended_by in ("deadline", "cancelled"):
+            return
+        left = [] if limits.deadline is None else [max(limits.deadline - (clock() - began), 0.0)]
+        if limits.improve is not None and np.isfinite(best):
+            left.append(limits.improve / 2.0)
+        rest = replace(limits, deadline=min(left, default=None))
+        yield from self._run(rest, clock, self.search.expansions, best)
+        if self.search.ended_by == "deadline" and np.isfinite(best):
+            self.search.ended_by = "improve"
+
+    def _run(
+        self, limits: Limits, clock: Callable[[], float], expansions: int, best: float = np.inf
+    ) -> Iterator[ContactPlan]:
+        """One search for plans that cost less than `best`, which counts its expansions from this number on."""
         domain: Domain[State] = self.domain if self.dynamic is None else self.dynamic
         self.search = AnaStar(
-            domain, self._start_state, self.settings.epsilon, self.options.seed, limits, expansions, clock=clock
-        )
+            domain, self._start_state, self.settings.epsilon, self.options.seed, limits, expansions, best_cost=best,
+            clock=clock,
+        )  # fmt: skip
         self.search.heuristic_weight = self._heuristic_weight
         if self.options.footholds == "snapped":  # many footholds differ by little
             self.search.alike, self.search.patience = self.domain.alike, PATIENCE

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from drakeplan.robustness.capture_poses import CapturePoses
-from learning.capture_features import NUM_FEATURES, write_contact, write_state
+from learning.capture_features import NUM_FEATURES, NUM_STATE, write_contact, write_state
 from learning.capture_networks import FRICTION_TOLERANCE, CaptureNetworks
 from learning.capture_view import NUM_MOTIONS, STAY, CaptureViews, FootFrame
 from learning.weights import WeightsError
@@ -179,8 +179,8 @@ def _pairs(
             if j == 0:
                 write_state(com[i], velocity[i], spin, R, row)
             else:
-                row[:18] = x[i * n, :18]
+                row[:NUM_STATE] = x[i * n, :NUM_STATE]
             if makes:
                 write_contact(com[i], velocity[i], p_new[j], R_new[j], row)
             else:
-                row[18:] = 0.0
+                row[NUM_STATE:] = 0.0

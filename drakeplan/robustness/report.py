@@ -128,7 +128,8 @@ def report_of(
     probability, captured = np.zeros((R, D)), np.full((R, D), UNTRIED)
     point, effector = np.zeros((R, D, 3)), np.full((R, D), -1)
     at = rows["moment"].astype(int), which.ravel()
-    probability[at], captured[at] = rows["probability"], rows["captured"]
+    np.add.at(probability, at, rows["probability"])  # a push that several regions have counts as often
+    captured[at] = rows["captured"]
     point[at], effector[at] = rows["p_new"].reshape(-1, 3), rows["effector"]
     risk = np.where(captured == FALLS, probability, 0.0).sum(axis=1)
     exhaustive = share >= 1.0
@@ -142,7 +143,7 @@ def report_of(
     found = PlanRobustness(
         t, impulse, probability, captured, point, effector, p_success, json.dumps(dict(method), sort_keys=True)
     )
-    return RobustnessReport(found, _stretches(moments, found, risk), interval, int(rows["asked"].sum()))
+    return RobustnessReport(found, _stretches(moments, found, risk / share), interval, int(rows["asked"].sum()))
 
 
 def _fell(stretches: Sequence[Stretch]) -> str:
@@ -175,8 +176,8 @@ def _extrapolated(captured: np.ndarray, probability: np.ndarray, share: float, s
     """
     tried = captured != UNTRIED
     total = probability[tried].sum()
-    if not total:
-        return 1.0
+    if not total:  # no push can happen, or none was tried: then nothing is known
+        return 0.0 if side == 1.0 and not tried.any() else 1.0
     falls = probability[tried & (captured == FALLS)].sum() / total
     if side is not None:
         falls = wilson(falls * tried.sum(), int(tried.sum()), side)

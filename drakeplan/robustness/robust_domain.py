@@ -48,6 +48,7 @@ CAPTURE_WEIGHT = 1000.0  # w_cap
 MOMENTS = {"swing": 4, "worst-case": 1}  # n_t; of four: 0, 0.1, 0.2, 0.3 s after the foot has lifted
 DOUBLE = {"swing": (0.15, 0.65), "worst-case": (0.65,)}  # moments of double support, in its durations
 LEAST_SUCCESS = 1e-6
+LEAST_RISK = 0.1  # quantile of the risks of the steps from the start that the heuristic expects of every step
 SURELY = 0.01  # with less than this chance of a fall nothing more is asked
 DEPTH, BLUR = (
     -0.02,
@@ -60,6 +61,8 @@ class RobustDomain(ComDomain):
 
     Attributes:
         odds: answers whether pushed states are captured.
+        expects_risk: whether the heuristic counts the risk of good steps for all that is left, where no place is sheltered.
+            It leads straight to the goal on long ways under wind, but it is a guess that may cut off what is better.
     """
 
     def __init__(
@@ -90,6 +93,8 @@ class RobustDomain(ComDomain):
         super().__init__(contacts, evaluator, WEIGHTS)
         self.odds, self._disturbances, self._robot = odds, tuple(disturbances), robot
         self._timing, self._capture, self._lift, self._weight = timing, capture, lift, weight
+        self.expects_risk = False
+        self._least: float | None = None  # c_cap of a good step from the start
         self._support: dict[tuple[int, int], BaseGeometry] = {}
 
     def successors(self, state: State) -> tuple[Sequence[State], np.ndarray]:
@@ -97,7 +102,19 @@ class RobustDomain(ComDomain):
         states, costs = super().successors(state)
         if not states or not self._weight:
             return states, costs
-        return states, costs - self._weight * np.log(self.success(state, states))
+        risk = -np.log(self.success(state, states))
+        if self._least is None:
+            everywhere = all(d.box_size is None for d in self._disturbances)
+            self._least = float(np.quantile(risk, LEAST_RISK)) if everywhere else 0.0
+        return states, costs + self._weight * risk
+
+    def heuristic(self, states: Sequence[State]) -> np.ndarray:
+        """(n,) estimated cost to go (Lin 2020 eq. 7.8); where `expects_risk`, with the risk of as many good steps."""
+        estimate = super().heuristic(states)
+        if not self.expects_risk or not self._least:
+            return estimate
+        distance = self.contacts.distance_to_go([state[:5] for state in states])
+        return estimate + self._weight * self._least * distance / (0.5 * self.contacts.max_travel)
 
     def success(self, state: State, states: Sequence[State]) -> np.ndarray:
         """(n,) P_success of the transitions from one state to each of several (Lin 2020 eq. 7.4, 7.5).

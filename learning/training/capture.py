@@ -39,7 +39,7 @@ def capture_options(kind: CaptureKind, seed: int = 0) -> TrainingOptions:
     """
     if kind == "documented":
         return TrainingOptions(kind="documented", width=256, depth=3, epochs=100, rate=5e-5, dropout=0.1, seed=seed)
-    return TrainingOptions(kind="shared", width=64, depth=3, epochs=60, members=3, jitter=0.02, seed=seed)
+    return TrainingOptions(kind="shared", width=32, depth=3, epochs=80, members=3, jitter=0.02, seed=seed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from scenes.library.plates import MAX_RISE, MAX_TILT, tilt_rotation
 
 SEEDS = range(50)
 ROOMS = ("three_corridors", "two_corridors", "two_staircases")
-RANDOM = ("rubble_field", "rubble_corridor", "random_surfaces", *ROOMS)
+RANDOM = ("rubble_field", "rubble_corridor", "rubble_with_wall", "random_surfaces", *ROOMS)
 
 
 def roll_and_pitch(normal):
