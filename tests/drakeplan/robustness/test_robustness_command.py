@@ -267,7 +267,7 @@ def test_a_push_may_be_given_on_the_command_line(
 ) -> None:
     here()
     out = ["--out", str(tmp_path / "tried.h5"), "--json"]
-    words = ["robustness", str(plan_path), *PUSH, "--impulse", "0", "-12", "0", "--probability", "0.04", *FEW, *out]
+    words = ["robustness", str(plan_path), *PUSH, "0", "-12", "0", "--probability", "0.04", *FEW, *out]
     assert main(words) == 0
     assert said(capsys)["pairs"]
     found = read_plan(tmp_path / "tried.h5").robustness
