@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from learning.capture_view import STAY, CaptureViews
+from learning.transition_features import tait_bryan
 from scenes.gravity import GRAVITY
 
 NUM_FEATURES = 45
@@ -134,9 +135,3 @@ def documented_features(views: CaptureViews) -> np.ndarray:
     if makes:
         parts += [views.p_new, tait_bryan(views.R_new)]
     return np.concatenate([*parts, views.com, views.velocity], axis=1).astype(np.float32)
-
-
-def tait_bryan(R: np.ndarray) -> np.ndarray:
-    """(n, 3) angles a, b, c [rad] of R = Rx(a) Ry(b) Rz(c), of (n, 3, 3) rotations; a and c in [-pi, pi], b in [-pi/2, pi/2]."""
-    b = np.arcsin(np.clip(R[:, 0, 2], -1.0, 1.0))
-    return np.column_stack([np.arctan2(-R[:, 1, 2], R[:, 2, 2]), b, np.arctan2(-R[:, 0, 1], R[:, 0, 0])])

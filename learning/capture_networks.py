@@ -12,7 +12,7 @@ work); "spin", the same with the angular momentum as an input.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -137,7 +137,7 @@ def fit_range(x: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray
         if len(mine):
             least, most = mine.min(axis=0), mine.max(axis=0)
             low[k], high[k] = least - WIDEN * (most - least) - 1e-4, most + WIDEN * (most - least) + 1e-4
-    return np.maximum(low, -1e9), np.minimum(high, 1e9)
+    return np.minimum(low, 1e9), np.maximum(high, -1e9)
 
 
 @njit(cache=True)
@@ -213,12 +213,16 @@ def capture_from(tensors: Mapping[str, np.ndarray], card: dict[str, Any], path: 
         friction = float(card["friction"])
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path}: incomplete weights of capture ({error})") from None
-    if scale.shape != (NUM_MOTIONS,) or offset.shape != scale.shape or low.shape != (NUM_MOTIONS, NUM_FEATURES):
+    if (
+        scale.shape != (NUM_MOTIONS,)
+        or offset.shape != scale.shape
+        or {low.shape, high.shape} != {(NUM_MOTIONS, NUM_FEATURES)}
+    ):
         raise WeightsError(f"{path}: calibration or range of another shape than expected")
     return CaptureNetworks(card["kind"], tuple(members), scale, offset, low, high, friction, card)
 
 
-def _members(tensors: Mapping[str, np.ndarray], motion: int, kind: str) -> Sequence[Mlp]:
+def _members(tensors: Mapping[str, np.ndarray], motion: int, kind: str) -> tuple[Mlp, ...]:
     count = len({name.split(".")[0] for name in tensors if name.startswith(f"motion{motion}_member")})
     if not count:
         raise ValueError(f"no network for motion {motion}")

@@ -1,7 +1,7 @@
 """Where the CoM is and how fast when the moving end effector lifts, learned beside the dynamics of a transition.
 
-A transition's dynamics tell the CoM at its end, where the end effector has landed. What pushes may do is asked while it is in the
-air: between lift and landing the CoM hardly leaves the cubic through both.
+A transition's dynamics tell the CoM at its end, a knot after the end effector has landed. What pushes may do is asked while it is in
+the air: between lift and end the CoM is taken to follow the cubic through both.
 """
 
 from __future__ import annotations

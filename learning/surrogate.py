@@ -178,16 +178,12 @@ def _read(robot: Robot, place: Path, name: str, *, packaged: bool) -> tuple[dict
     except NoWeightsError:
         if not packaged:
             raise
+        _, *times = name.split("_")
+        asked = " --shift {} --swing {}".format(*times) if times else ""
         raise NoWeightsError(
-            f"robot {robot.name!r} has no learned dynamics{_for_times(name)}: use the exact program "
-            f"(--dynamics exact), or make weights "
-            f"with `drakeplan collect dynamics` and `drakeplan train dynamics`"
+            f"robot {robot.name!r} has no learned dynamics{' for' if asked else ''}{asked}: use the exact program (--dynamics "
+            f"exact), or make weights with `drakeplan collect dynamics{asked}` and `drakeplan train dynamics`"
         ) from None
-
-
-def _for_times(name: str) -> str:
-    _, *times = name.split("_")
-    return " for --shift {} --swing {}".format(*times) if times else ""
 
 
 def surrogate_from(tensors: dict[str, np.ndarray], card: dict[str, Any], robot: Robot) -> DynamicsSurrogate:

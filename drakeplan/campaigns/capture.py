@@ -126,7 +126,7 @@ class CaptureCampaign:
     def _random_questions(self, rng: np.random.Generator, robot: Robot) -> Iterator[tuple[str, CaptureQuestion]]:
         for motion in CAPTURE_MOTIONS:
             for _ in range(PER_MOTION // 2):
-                question = random_question(rng, robot, motion)
+                question = random_question(rng, robot, motion, friction=self.friction)
                 share = SLOWER if rng.uniform() < SLOW else 1.0
                 spin = rng.uniform(-SPIN, SPIN, 3) * (rng.uniform() < SPIN_SHARE)
                 yield (

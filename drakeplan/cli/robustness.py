@@ -140,7 +140,7 @@ def try_pushes(
     campaign = PushTrialsCampaign(
         str(Path(arguments.plan).resolve()),
         file_sha256(arguments.plan),
-        robot.source if robot.given_by_path else robot.name,
+        str(robot.source) if robot.given_by_path else robot.name,
         tuple(region_of(d) for d in disturbances),
         arguments.samples,
         arguments.pairs,

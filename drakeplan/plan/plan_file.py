@@ -368,8 +368,8 @@ def _read_robustness(file: h5py.File) -> PlanRobustness:
     reals, whole = ("t", "impulse", "probability", "capture_point"), ("captured", "effector")
     arrays = {leaf: _numbers(file, f"robustness/{leaf}") for leaf in reals}
     arrays |= {leaf: _integers(file, f"robustness/{leaf}") for leaf in whole}
-    group = file["robustness"]
-    return PlanRobustness(**arrays, p_success=_number(group, "p_success"), method=_attribute(group, "method"))
+    p_success, method = _number(file["robustness"], "p_success"), _attribute(file["robustness"], "method")
+    return PlanRobustness(**arrays, p_success=p_success, method=method)
 
 
 def _dataset(file: h5py.File, name: str) -> h5py.Dataset:
@@ -406,14 +406,14 @@ def _texts(file: h5py.File, name: str) -> tuple[str, ...]:
     return tuple(str(value) for value in values)
 
 
-def _attribute(file: h5py.File, key: str) -> str:
+def _attribute(file: h5py.HLObject, key: str) -> str:
     value = file.attrs.get(key)
     if not isinstance(value, str):
         raise InputError(f"attribute {key}: expected text, got {'nothing' if value is None else type(value).__name__}")
     return value
 
 
-def _number(file: h5py.File, key: str) -> float:
+def _number(file: h5py.HLObject, key: str) -> float:
     value = file.attrs.get(key)
     if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
         raise InputError(f"attribute {key}: expected a number, got {value!r}")

@@ -68,8 +68,8 @@ class CapturePoses:
         self._steps_of = model.mirrored(True)[0], model.mirrored(False)[0]
         self._footholds = Footholds(packed, 0.0, None)
         self._patches = [patch_shape(e) for e in robot.effectors]
-        usable = packed.allowed.any(axis=0)
-        self._palms = [palm for palm in robot.palms if palms and usable[palm]]
+        usable = np.flatnonzero(packed.allowed.any(axis=0)).tolist()
+        self._palms = [palm for palm in robot.palms if palms and palm in usable]
         self._known: dict[int, CaptureContacts] = {}
 
     def about(self, foot: int) -> CaptureContacts:

@@ -8,6 +8,8 @@ gives none.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from optimization.capture.question import CaptureQuestion
@@ -33,7 +35,9 @@ PALM_YAW, PALM_PITCH = np.deg2rad(20.0), np.deg2rad(40.0)  # of the arm from sid
 PALM_NEAREST = 0.30  # [m] of the palm from the shoulder
 
 
-def random_question(rng: np.random.Generator, robot: Robot, motion: str, *, level: bool = False) -> CaptureQuestion:
+def random_question(
+    rng: np.random.Generator, robot: Robot, motion: str, *, level: bool = False, friction: float = FRICTION
+) -> CaptureQuestion:
     """One question about a stance of one foot near the origin, left or right at random, heading along x.
 
     Args:
@@ -41,6 +45,7 @@ def random_question(rng: np.random.Generator, robot: Robot, motion: str, *, leve
         robot: whose distances count.
         motion: one of `CAPTURE_MOTIONS`.
         level: no tilts and no steps up or down.
+        friction: of all contacts.
     """
     if motion not in CAPTURE_MOTIONS:
         raise ValueError(f"motion {motion!r} is none of {CAPTURE_MOTIONS}")
@@ -51,13 +56,14 @@ def random_question(rng: np.random.Generator, robot: Robot, motion: str, *, leve
     com = np.array([rng.uniform(COM_BACK, COM_AHEAD), inward * rng.uniform(COM_OUT, COM_IN), height])
     momentum = robot.mass * rng.uniform(0.0, MAX_SPEED) * _direction(rng)
     held: list[Contact | None] = [None] * len(EFFECTORS)
-    held[foot] = standing
     new = None
     if motion == "foot":
         new = _step(rng, robot, RIGHT_FOOT if foot == LEFT_FOOT else LEFT_FOOT, inward, level)
     elif motion != "stay":
         outward = (motion == "same_palm") == (foot == LEFT_FOOT)  # whether it is the left palm
         new = _palm(rng, robot, LEFT_PALM if outward else RIGHT_PALM, com, level)
+    held[foot] = replace(standing, friction=friction)
+    new = None if new is None else replace(new, friction=friction)
     return CaptureQuestion(Stance(tuple(held)), com, momentum, new_contact=new)
 
 

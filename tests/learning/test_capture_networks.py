@@ -145,9 +145,6 @@ def test_a_motion_without_training_data_is_far_everywhere() -> None:
     assert networks.predict(some_views(20, motion=STAY)).far.all()
 
 
-@pytest.mark.xfail(
-    strict=True, reason="fit_range: the clip to 1e9 is on the wrong sides; infinite bounds cannot be read"
-)
 def test_the_range_of_a_motion_without_training_data_can_be_read_again(tmp_path) -> None:
     low, high = without_stay()
     networks = replace(random_networks(), low=low, high=high)
@@ -231,9 +228,6 @@ def test_damaged_weights_are_refused_in_one_clear_line(damage: str, tmp_path: Pa
     assert not isinstance(caught.value, NoWeightsError) and "\n" not in str(caught.value)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="capture_from does not look at the shape of range.high, and _judge reads past its end"
-)
 def test_an_upper_range_of_another_shape_is_refused(tmp_path: Path) -> None:
     networks = random_networks()
     tensors = networks.tensors() | {"range.high": np.ones((4, NUM_FEATURES - 1))}

@@ -148,7 +148,6 @@ def test_new_contacts_lie_on_the_side_of_their_effector(columns) -> None:
     assert (towards[motion == 2] < 0).all() and (towards[motion == 3] > 0).all()
 
 
-@pytest.mark.xfail(strict=True, reason="random questions have friction 0.5 whatever the campaign's is")
 def test_every_contact_has_the_friction_of_the_campaign() -> None:
     campaign = replace(CAMPAIGN, friction=0.8)
     asked = list(campaign._random_questions(np.random.default_rng(0), ESCHER))
