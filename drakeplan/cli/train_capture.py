@@ -26,7 +26,7 @@ def run_capture(
         InputError: no such data, data of another robot, too few of them, or a folder that cannot be written.
     """
     from learning.capture_networks import KINDS
-    from learning.training.capture import CaptureLabels, capture_options, held_out_text, train_capture
+    from learning.training.capture import CaptureLabels, held_out_text, train_capture, usual_options
     from scenes.input_error import InputError
     from scenes.robots.addresses import read_packages
     from scenes.robots.robot import load_robot
@@ -42,7 +42,7 @@ def run_capture(
     labels = CaptureLabels.read(Path(data), robot)
     trained = []
     for kind in KINDS:
-        options = capture_options(kind, seed)
+        options = usual_options(kind, seed)
         if epochs is not None:
             options = replace(options, epochs=epochs)
         try:

@@ -122,7 +122,7 @@ def finished_page(meshcat_page: str, plan: Plan, scene: Scene) -> str:
     shown += [(colour, words) for words, colour in guide.items()]
     controls = CONTROLS
     if plan.robustness is not None:
-        shown += [(_css(colour), f"a push: the robot {name}") for name, colour in OUTCOMES]
+        shown += [(_css(colour), f"push: {name}") for name, colour in OUTCOMES]
         bar = f'<span class="track"><i style="background:{risk_bar(plan)}"></i><input type="range"'
         controls = controls.replace('<input type="range"', bar, 1).replace("<output>", "</span><output>", 1)
     facts = f"{len(plan.stances)} stances"

@@ -17,8 +17,8 @@ from drakeplan.playback.pushes import draw_arrow
 from drakeplan.playback.still import ROOT
 
 PUSHES = f"{ROOT}/tried_pushes"
-FALLS_COLOUR, STANDS_COLOUR, CATCHES_COLOUR = Rgba(0.84, 0.15, 0.12), Rgba(0.13, 0.62, 0.28), Rgba(0.96, 0.65, 0.05)
-OUTCOMES = (("falls", FALLS_COLOUR), ("stands", STANDS_COLOUR), ("catches", CATCHES_COLOUR))  # by `captured`
+FALLS_COLOUR, STANDS_COLOUR, CATCHES_COLOUR = Rgba(0.84, 0.15, 0.12), Rgba(0.13, 0.62, 0.28), Rgba(0.05, 0.55, 0.85)
+OUTCOMES = (("falls", FALLS_COLOUR), ("stands", STANDS_COLOUR), ("caught", CATCHES_COLOUR))  # by `captured`
 MOST = 12  # impulses that are drawn; of more, those that fell the robot most
 BALL = 0.05  # [m]
 

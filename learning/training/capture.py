@@ -30,7 +30,7 @@ LEAST = 200  # training rows of a motion
 Tell = Callable[[str, int, int, float, float], None]  # network, epoch, epochs, training loss, validation loss
 
 
-def capture_options(kind: CaptureKind, seed: int = 0) -> TrainingOptions:
+def usual_options(kind: CaptureKind, seed: int = 0) -> TrainingOptions:
     """Sizes and rates of one kind; of "documented" those that Lin 2020 fig. 7.3 gives, the others as in ch. VI.
 
     Args:
@@ -39,7 +39,7 @@ def capture_options(kind: CaptureKind, seed: int = 0) -> TrainingOptions:
     """
     if kind == "documented":
         return TrainingOptions(kind="documented", width=256, depth=3, epochs=100, rate=5e-5, dropout=0.1, seed=seed)
-    return TrainingOptions(kind="shared", width=32, depth=3, epochs=80, members=3, jitter=0.02, seed=seed)
+    return TrainingOptions(kind="shared", width=32, depth=3, epochs=60, members=3, jitter=0.15, seed=seed)
 
 
 @dataclass(frozen=True, eq=False)

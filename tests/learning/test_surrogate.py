@@ -17,7 +17,7 @@ from learning.calibration import fit_training_range
 from learning.network import DocumentedNetworks, Mlp, SharedNetwork
 from learning.network_tensors import network_from_tensors, network_tensors
 from learning.relative_features import relative_feature_names, relative_features
-from learning.surrogate import NAME, DynamicsSurrogate, dynamics_fingerprint, load_surrogate
+from learning.surrogate import DynamicsSurrogate, dynamics_fingerprint, load_surrogate, weights_name
 from learning.transition_batch import TransitionBatch
 from learning.transition_features import (
     NUM_CATEGORIES,
@@ -51,7 +51,7 @@ def surrogate(toy_labels) -> DynamicsSurrogate:
 
 @pytest.fixture
 def folder(surrogate, tmp_path) -> Path:
-    write_weights(tmp_path, NAME, surrogate.tensors(), surrogate.card)
+    write_weights(tmp_path, weights_name(), surrogate.tensors(), surrogate.card)
     return tmp_path
 
 
@@ -179,16 +179,18 @@ def test_a_robot_without_weights_is_its_own_kind_of_error() -> None:
 
 def rewrite(folder: Path, tensors: dict, **facts) -> None:
     """Damages content, but keeps hash and shapes right, as a foreign program might write it."""
-    card = json.loads((folder / f"{NAME}.json").read_text())
-    write_weights(folder, NAME, tensors, {k: v for k, v in card.items() if k not in ("sha256", "shapes")} | facts)
+    card = json.loads((folder / f"{weights_name()}.json").read_text())
+    write_weights(
+        folder, weights_name(), tensors, {k: v for k, v in card.items() if k not in ("sha256", "shapes")} | facts
+    )
 
 
 DAMAGE = {
-    "weights missing": (lambda f, t: (f / f"{NAME}.safetensors").unlink(), "missing, though its card"),
-    "card missing": (lambda f, t: (f / f"{NAME}.json").unlink(), "missing, though its weights"),
-    "card truncated": (lambda f, t: (f / f"{NAME}.json").write_text('{"format"'), "expected a JSON card"),
-    "card foreign": (lambda f, t: (f / f"{NAME}.json").write_text('{"model": 1}'), "expected a card of format"),
-    "card not an object": (lambda f, t: (f / f"{NAME}.json").write_text("[1]"), "expected a card of format"),
+    "weights missing": (lambda f, t: (f / f"{weights_name()}.safetensors").unlink(), "missing, though its card"),
+    "card missing": (lambda f, t: (f / f"{weights_name()}.json").unlink(), "missing, though its weights"),
+    "card truncated": (lambda f, t: (f / f"{weights_name()}.json").write_text('{"format"'), "expected a JSON card"),
+    "card foreign": (lambda f, t: (f / f"{weights_name()}.json").write_text('{"model": 1}'), "expected a card of format"),
+    "card not an object": (lambda f, t: (f / f"{weights_name()}.json").write_text("[1]"), "expected a card of format"),
     "version": (lambda f, t: rewrite(f, t, version=99), "version 1, got 99"),
     "features": (lambda f, t: rewrite(f, t, features=["x"]), "list of features"),
     "robot": (lambda f, t: rewrite(f, t, robot_dynamics="0"), "another robot"),
@@ -218,14 +220,14 @@ def test_damaged_weights_are_refused_in_one_clear_line(damage, folder, surrogate
 
 @pytest.mark.parametrize("cut", [0, 1, 100, -1])
 def test_truncated_or_changed_weights_are_refused(cut: int, folder) -> None:
-    path = folder / f"{NAME}.safetensors"
+    path = folder / f"{weights_name()}.safetensors"
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(WeightsError, match="SHA-256 differs"):
         load_surrogate("escher", folder)
 
 
 def test_weights_of_something_else_are_refused_though_their_hash_is_right(folder) -> None:
-    path, card_path = folder / f"{NAME}.safetensors", folder / f"{NAME}.json"
+    path, card_path = folder / f"{weights_name()}.safetensors", folder / f"{weights_name()}.json"
     card = json.loads(card_path.read_text())
     for data, message in ((b"PK\x03\x04 no tensors", "expected safetensors"), (save({"a": np.ones(2)}), "has shape")):
         path.write_bytes(data)

@@ -88,7 +88,7 @@ def test_the_page_of_a_tried_plan_has_the_bar_the_legend_and_the_percentage(stro
     plan = tried(strolling_plan, captured)
     page = playback.page_html(plan)
     assert risk_bar(plan) in page
-    for words in ("a push: the robot falls", "a push: the robot stands", "a push: the robot catches"):
+    for words in ("push: falls", "push: stands", "push: caught"):
         assert words in page
     assert "87.5 % likely to arrive under pushes" in page
     assert page.count('<input type="range"') == 1
@@ -97,5 +97,5 @@ def test_the_page_of_a_tried_plan_has_the_bar_the_legend_and_the_percentage(stro
 
 def test_the_page_of_an_untried_plan_has_none_of_them(strolling_plan: Plan) -> None:
     page = playback.page_html(strolling_plan)
-    for words in ('class="track"', "a push: the robot", "likely to arrive", "linear-gradient(to right, hsl("):
+    for words in ('class="track"', "push: falls", "likely to arrive", "linear-gradient(to right, hsl("):
         assert words not in page
