@@ -167,7 +167,7 @@ class Query:
         limits = Limits(
             deadline=max(min(until - self.record.planning_s, self.context.deadline.left()), 0.0),
             expansions=self.options.expansions,
-            improve=self._improve_for() if not self._rounds else 0.0,
+            improve=self._improve_for(),
             stop=self.options.stop,
         )
         self._rounds += 1
@@ -190,8 +190,15 @@ class Query:
         return found
 
     def _improve_for(self) -> float | None:
-        """Seconds of improvement; none where a budget of expansions must give the same plan on any machine."""
-        return self.options.improve if self.options.expansions is None else None
+        """Seconds of improvement; None where a budget of expansions must give the same plan on any machine.
+
+        A round after a refusal takes its first plan, but against pushes the first plan is the one that does not mind them.
+        """
+        if self.options.expansions is not None:
+            return None
+        if not self._rounds:
+            return self.options.improve
+        return 0.0 if self.options.capture == "none" else self.options.improve / 2.0
 
     # 2 Dynamics of the whole sequence --------------------------------------------------------------------------------
 
