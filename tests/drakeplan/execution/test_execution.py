@@ -158,9 +158,14 @@ def test_a_light_robot_whose_soles_are_welded_to_its_ankles_walks_too() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "seed", "palms"), [("random_surfaces", 1, None), ("rubble_corridor", 6, 1)])
-def test_plans_on_polygons_and_with_a_palm_on_a_wall_arrive(name: str, seed: int, palms: int | None) -> None:
-    result = plan_scene(load_scene(name, seed=seed), ROBOT, PlanOptions(seed=seed, expansions=150, deadline=300.0))
+@pytest.mark.parametrize(
+    ("name", "seed", "palms", "goal"), [("random_surfaces", 1, None, (1.6, 0.0)), ("rubble_corridor", 6, 1, None)]
+)
+def test_plans_on_polygons_and_with_a_palm_on_a_wall_arrive(
+    name: str, seed: int, palms: int | None, goal: tuple[float, float] | None
+) -> None:
+    options = PlanOptions(seed=seed, expansions=150, deadline=300.0, goal=goal)
+    result = plan_scene(load_scene(name, seed=seed), ROBOT, options)
     assert result.status == "complete", result.reason
     assert palms is None or result.report["palms_used"] == palms
     report = play_plan(result.plan, MODEL)

@@ -8,7 +8,7 @@ import pytest
 from drakeplan.plan.plan import Plan
 from drakeplan.robustness import push_trial
 from drakeplan.robustness.moments import Moment, moments_of
-from drakeplan.robustness.push_trial import APART, CATCHES, FALLS, STANDS, PushTrials, describe
+from drakeplan.robustness.push_trial import APART, CATCHES, FALLS, STANDS, PushTrials
 from learning.weights import NoWeightsError, WeightsError
 from optimization.balance.friction import FrictionCone
 from optimization.capture.inverted_pendulum import capture_point
@@ -174,8 +174,3 @@ def test_damaged_networks_are_not_passed_over(packed: PackedTerrain, monkeypatch
 
 def test_with_networks_there_is_no_note(trials: PushTrials) -> None:
     assert trials.note == ""
-
-
-def test_a_contact_is_described_in_a_few_words(swinging: Moment) -> None:
-    assert describe(None) == ""
-    assert describe(swinging.stance.contacts[0]).startswith("left foot at 0.20 0.10")

@@ -302,3 +302,33 @@ def test_the_success_of_a_plan_is_the_product_over_its_steps(planner: SearchPlan
     steps = [domain.success(before, [after])[0] for before, after in pairwise(states)]
     assert plans[-1].predicted_success == pytest.approx(np.prod(steps))
     assert domain.success_of(states[:1]) == 1.0
+
+
+# ---- the two searches
+
+
+def test_the_second_search_gives_only_what_is_better_and_both_share_the_expansions(planner: SearchPlanner) -> None:
+    for budget in (6, 11):
+        costs = [plan.cost for plan in planner.plans(Limits(expansions=budget))]
+        assert costs == sorted(costs, reverse=True)
+        assert planner.counts().expansions <= budget
+    assert not planner.dynamic.expects_risk
+
+
+def test_the_same_budget_gives_the_same_plans(planner: SearchPlanner, plans: list[ContactPlan]) -> None:
+    again = list(planner.plans(Limits(expansions=20)))
+    assert [plan.cost for plan in again] == [plan.cost for plan in plans]
+
+
+def test_expected_risk_grows_with_the_way_that_is_left_and_is_none_where_places_are_sheltered(
+    planner: SearchPlanner,
+) -> None:
+    for box, expected in ((None, True), ((9.0, 9.0, 9.0), False)):
+        domain, state, _ = made(planner, disturbances=(Disturbance(EVERYWHERE[0].impulses, 0.05, box),))
+        children, _ = domain.successors(state)
+        plain = domain.heuristic(children)
+        domain.expects_risk = True
+        more = domain.heuristic(children) - plain
+        assert (more > 0).all() == expected
+        if expected:  # the same risk for every metre
+            np.testing.assert_allclose(more / more[0], plain / plain[0], rtol=1e-9)
