@@ -19,7 +19,7 @@ from drakeplan.cli import supervisor
 from drakeplan.cli.arguments import Packages
 from drakeplan.cli.output import seconds_since_process_start
 from drakeplan.cli.plan_library import join_library, open_library
-from drakeplan.cli.plan_options import plan_options
+from drakeplan.cli.plan_options import in_radians, timing_of
 from drakeplan.cli.plan_summary import summary
 from drakeplan.contact_planning.planner import PLANNERS
 from scenes.input_error import InputError
@@ -27,6 +27,7 @@ from scenes.input_error import InputError
 if TYPE_CHECKING:
     from drakeplan.plan.plan import Plan
     from drakeplan.progress import Progress, ProgressEvent
+    from drakeplan.query.options import PlanOptions
     from drakeplan.query.result import PlanResult
     from scenes.robots.robot import Robot
     from scenes.scene import Scene
@@ -177,7 +178,7 @@ def run(arguments: Arguments) -> int:
         ProgressPrinter(sys.stderr) as progress,
         _Telling(arguments, scene) as telling,
     ):
-        options = plan_options(arguments, interrupted, telling.keep)
+        options = _options(arguments, interrupted, telling)
         result = plan_scene(scene, robot, options, telling.along(progress))
         telling.answering()
     for note in result.notes:
@@ -259,6 +260,49 @@ def _require_ends(arguments: Arguments, scene: Scene) -> None:
         lowest, highest = scene.terrain.extent
         spans = ", ".join(f"{a} from {lo:.2f} to {hi:.2f} m" for a, lo, hi in zip("xyz", lowest, highest, strict=True))
         raise InputError(f"scene {scene.name} needs {' and '.join(missing)}: its terrain spans {spans}")
+
+
+def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> PlanOptions:
+    from drakeplan.deadline import compile_clock
+    from drakeplan.query.options import PlanOptions, check_options
+    from optimization.balance.friction import FrictionCone
+    from optimization.balance.reserve import ALL, USUAL
+
+    options = PlanOptions(
+        seed=arguments.seed,
+        start=in_radians(arguments.start),
+        goal=in_radians(arguments.goal),
+        start_z=arguments.start_z,
+        goal_z=arguments.goal_z,
+        goal_radius=arguments.goal_radius,
+        friction=arguments.friction,
+        cone=FrictionCone(arguments.cone),
+        planner=arguments.planner,
+        dynamics=arguments.dynamics,
+        timing=timing_of(
+            arguments.shift, arguments.swing, free=arguments.free_timing, pushes=arguments.capture != "none"
+        ),
+        transition_model=arguments.transition_model,
+        deadline=arguments.deadline,
+        improve=0.0 if arguments.first else arguments.improve,
+        expansions=arguments.expansions,
+        library=arguments.library,
+        use_palms=not arguments.no_palms,
+        full_soles=arguments.full_soles,
+        heuristic=arguments.heuristic,
+        guide=arguments.guide,
+        footholds=arguments.footholds,
+        capture=arguments.capture,
+        stop=interrupted,
+        used=seconds_since_process_start() - compile_clock.seconds() if supervisor.wire is not None else 0.0,
+        keep=telling.keep,
+        explain=arguments.explain,
+        reserve=ALL if arguments.no_reserve else USUAL,
+        simulate=arguments.simulate,
+        command=shlex.join(["drakeplan", *sys.argv[1:]]),
+    )
+    check_options(options)
+    return options
 
 
 def _verify_command(arguments: Arguments) -> str:

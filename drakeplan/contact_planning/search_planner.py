@@ -238,9 +238,10 @@ class SearchPlanner:
         return self._unreachable
 
     def _run_twice(self, limits: Limits, clock: Callable[[], float], expansions: int) -> Iterator[ContactPlan]:
-        """A search that expects risk all the way, and with the other half of time and expansions one that does not.
+        """A hurried search that expects risk all the way, and with the other half of time and expansions one that is neither.
 
-        The second one gives only what is better than the first one's answer.
+        The first asks at fewer moments of a swing, which makes it three times as fast; its plans count at what they cost by the
+        chosen moments. The second one gives only what is better.
         """
         dynamic = cast("RobustDomain", self.dynamic)
         half = replace(
@@ -248,13 +249,18 @@ class SearchPlanner:
             improve=None if limits.improve is None else limits.improve / 2.0,
             expansions=None if limits.expansions is None else (limits.expansions + 1) // 2,
         )
-        best, began, dynamic.expects_risk = np.inf, clock(), True
+        best, began = np.inf, clock()
+        dynamic.expects_risk = dynamic.hurried = True
         try:
             for plan in self._run(half, clock, expansions):
-                best = plan.cost
-                yield plan
+                dynamic.hurried = False
+                cost = dynamic.cost_of(plan.states)
+                if cost < best:
+                    best = cost
+                    yield replace(plan, cost=cost, predicted_success=dynamic.success_of(plan.states))
+                dynamic.hurried = True
         finally:
-            dynamic.expects_risk = False
+            dynamic.expects_risk = dynamic.hurried = False
         if self.search is None or self.search.ended_by in ("deadline", "cancelled"):
             return
         left = [] if limits.deadline is None else [max(limits.deadline - (clock() - began), 0.0)]

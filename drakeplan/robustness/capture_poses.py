@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drakeplan.contact_planning.contact_domain import ARM_SLACK
 from drakeplan.contact_planning.contact_pool import ContactPool
 from optimization.capture.sampling import CAPTURE_MOTIONS
 from scenes.effector import LEFT_FOOT, LEFT_PALM, RIGHT_PALM
@@ -23,7 +24,6 @@ AZIMUTH, ELEVATION = (
     np.deg2rad(np.arange(70, 111, 5)),
     np.deg2rad(np.arange(-40, 41, 10)),
 )  # of rays; the authors': every 5 deg
-ARM_SLACK = 1.15  # palms are looked for this far from the approximated shoulder, in arm lengths
 _a, _e = (grid.ravel() for grid in np.meshgrid(AZIMUTH, ELEVATION, indexing="ij"))
 _RAYS = np.column_stack([np.cos(_e) * np.cos(_a), np.cos(_e) * np.sin(_a), np.sin(_e)])  # of the left palm
 ANYWHERE = StepLimits((-np.inf, np.inf), -np.inf, np.inf, (-np.inf, np.inf))  # of steps that are not moved

@@ -20,7 +20,7 @@ from optimization.balance.friction import FrictionCone
 from optimization.capture.checker import CaptureChecker, capture_options
 from optimization.capture.question import CaptureQuestion
 from scenes.contact import Contact
-from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
+from scenes.effector import LEFT_FOOT, RIGHT_FOOT
 from scenes.gravity import GRAVITY
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import PackedTerrain
@@ -139,15 +139,3 @@ class PushTrials:
         if key not in self._numbers:
             self._numbers[key] = self._pool.add_contact(contact)
         return self._numbers[key]
-
-
-def describe(contact: Contact | None) -> str:
-    """A contact in a few words.
-
-    Args:
-        contact: None for none.
-    """
-    if contact is None:
-        return ""
-    x, y, z = contact.p_WC.tolist()
-    return f"{EFFECTORS[EFFECTORS.index(contact.effector)].replace('_', ' ')} at {x:.2f} {y:.2f} {z:.2f}"

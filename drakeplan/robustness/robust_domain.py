@@ -63,6 +63,7 @@ class RobustDomain(ComDomain):
         odds: answers whether pushed states are captured.
         expects_risk: whether the heuristic counts the risk of good steps for all that is left, where no place is sheltered.
             It leads straight to the goal on long ways under wind, but it is a guess that may cut off what is better.
+        hurried: whether risk is asked at the moments of "worst-case", whatever was chosen.
     """
 
     def __init__(
@@ -93,7 +94,7 @@ class RobustDomain(ComDomain):
         super().__init__(contacts, evaluator, WEIGHTS)
         self.odds, self._disturbances, self._robot = odds, tuple(disturbances), robot
         self._timing, self._capture, self._lift, self._weight = timing, capture, lift, weight
-        self.expects_risk = False
+        self.expects_risk = self.hurried = False
         self._least: float | None = None  # c_cap of a good step from the start
         self._support: dict[tuple[int, int], BaseGeometry] = {}
 
@@ -123,7 +124,8 @@ class RobustDomain(ComDomain):
             state: before them.
             states: n states after them.
         """
-        shift, swing, moments = self._timing.shift, self._timing.swing, MOMENTS[self._capture]
+        capture = "worst-case" if self.hurried else self._capture
+        shift, swing, moments = self._timing.shift, self._timing.swing, MOMENTS[capture]
         way = self._way(state, states)
         stands = np.array([child[1 - child[4]] for child in states])
         success = np.ones(len(states))
@@ -133,7 +135,7 @@ class RobustDomain(ComDomain):
             calm = self._calm(com, velocity, swing / moments, (foot,))
             success[mine] *= calm.reshape(len(mine), -1).prod(axis=1)
         if self.odds.model == "motions":
-            shares = DOUBLE[self._capture]
+            shares = DOUBLE[capture]
             com, velocity = way.at(shift * np.array(shares), np.arange(len(states)))
             calm = self._calm(com, velocity, shift / len(shares), state[:2])
             success *= calm.reshape(len(states), -1).prod(axis=1)
@@ -157,6 +159,11 @@ class RobustDomain(ComDomain):
     def success_of(self, path: Sequence[State]) -> float:
         """Product of P_success over the transitions of a path (Lin 2020 eq. 7.6), as the search sees it."""
         return float(np.prod([self.success(before, [after])[0] for before, after in pairwise(path)]))
+
+    def cost_of(self, path: Sequence[State]) -> float:
+        """Sum of the edge costs of a path, its risk asked at the chosen moments."""
+        steps = sum(float(self.costs.step_costs(before, [after])[0]) for before, after in pairwise(path))
+        return steps - self._weight * float(np.log(self.success_of(path)))
 
     def _calm(self, com: np.ndarray, velocity: np.ndarray, duration: float, feet: tuple[int, ...]) -> np.ndarray:
         """(m,) probability that no push within this time fells the robot, from m states over one foot or both."""
