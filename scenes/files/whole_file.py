@@ -33,9 +33,11 @@ def require_writable(path: str | Path) -> None:
     """Says early, before a long computation, that a file cannot be written at `path`.
 
     Raises:
-        InputError: no such folder, not a folder, not permitted, or `path` is a folder.
+        InputError: no such folder, not a folder, not permitted, a name that no file has, or `path` is a folder.
     """
     path = Path(path)
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r}: cannot be written (a name has no null characters)")
     folder = path.parent
     try:
         if path.exists() and not path.is_file():

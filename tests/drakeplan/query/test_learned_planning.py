@@ -105,7 +105,7 @@ def test_without_the_exact_program_a_guess_stands(ik: WholeBodyIK) -> None:
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        (PlanOptions(timing=Timing(0.6, 0.8)), "--shift 1 --swing 1"),
+        (PlanOptions(timing=Timing(0.6, 0.8)), "--shift 0.6 --swing 0.8"),
         (PlanOptions(cone="square"), "--cone inner"),
         (PlanOptions(friction=0.45), "friction 0.5 and above"),
     ],
