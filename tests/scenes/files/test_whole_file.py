@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.files.whole_file import write_whole
+from scenes.files.whole_file import require_writable, write_whole
 from scenes.input_error import InputError
 
 
@@ -46,3 +46,8 @@ def test_a_new_file_has_the_permissions_that_the_user_chose(tmp_path: Path, mask
     finally:
         os.umask(before)
     assert (tmp_path / "facts.json").stat().st_mode & 0o777 == mode
+
+
+def test_a_name_with_a_null_character_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="null characters"):
+        require_writable(f"{tmp_path}/a\0b.h5")
