@@ -41,7 +41,15 @@ class Crew:
 
 
 def collect_aloud(
-    campaign: Campaign, folder: str, options: CollectOptions, crew: Crew, *, rows: str, resume: bool
+    campaign: Campaign,
+    folder: str,
+    options: CollectOptions,
+    crew: Crew,
+    *,
+    rows: str,
+    resume: bool,
+    unit: str = "env",
+    again: str = "--resume",
 ) -> Card:
     """Collects a campaign with a progress bar; its card.
 
@@ -52,10 +60,12 @@ def collect_aloud(
         crew: who does the work.
         rows: what its rows are called.
         resume: whether to go on with what the folder holds.
+        unit: what the tasks are called.
+        again: what a user gives to go on after stopping it.
     """
     from drakeplan.campaigns.engine import collect
 
-    bar = CampaignBar(options.tasks, rows)
+    bar = CampaignBar(options.tasks, rows, unit)
     try:
         workers = crew.start(campaign)
         try:
@@ -64,7 +74,7 @@ def collect_aloud(
             workers.close()
     except KeyboardInterrupt:
         bar.close()
-        print(f"stopped; --resume goes on from the whole shards in {folder}", file=sys.stderr)
+        print(f"stopped; {again} goes on from the whole shards in {folder}", file=sys.stderr)
         raise
     finally:
         bar.close()

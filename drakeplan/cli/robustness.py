@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from scenes.disturbance import Disturbance
     from scenes.robots.robot import Robot
 
+TASK_TIMEOUT = 600.0  # [s] of the few moments that a worker tries in a row
 ABOUT = """Tries every push of the scene at every 0.1 s of a plan, and says how likely the robot is to arrive without a fall.
 
 A push is an instant change of the robot's momentum. First the robot tries to come to rest with the contacts it holds, then
@@ -129,14 +129,14 @@ def try_pushes(
         robot: of the plan.
         disturbances: what may push it.
     """
-    from drakeplan.campaigns.engine import CollectOptions, collect
+    from drakeplan.campaigns.engine import CollectOptions
     from drakeplan.campaigns.push_trials import PushTrialsCampaign, file_sha256, read_trials, region_of
-    from drakeplan.campaigns.workers import LocalWorkers
-    from drakeplan.cli.campaign_bar import CampaignBar
+    from drakeplan.cli.campaign_bar import Crew, collect_aloud
     from drakeplan.robustness.moments import moments_of
     from drakeplan.robustness.report import report_of
+    from scenes.robots.addresses import read_packages
 
-    packages = tuple(tuple(entry.split("=", 1)) for entry in arguments.package)
+    packages = tuple((name, str(place)) for name, place in read_packages(arguments.package).items())
     campaign = PushTrialsCampaign(
         str(Path(arguments.plan).resolve()),
         file_sha256(arguments.plan),
@@ -145,23 +145,14 @@ def try_pushes(
         arguments.samples,
         arguments.pairs,
         not arguments.no_palms,
-        packages,  # pyright: ignore[reportArgumentType]
+        packages,
     )
     folder = Path(f"{arguments.out or arguments.plan}.pushes-{campaign.mark(arguments.seed)}")
     options = CollectOptions(campaign.num_tasks(), arguments.seed, tasks_per_shard=1)
-    bar = CampaignBar(options.tasks, "pushes", unit="block")
-    try:
-        workers = LocalWorkers(campaign, arguments.workers)
-        try:
-            card = collect(campaign, folder, options, workers, resume=True, listener=bar)
-        finally:
-            workers.close()
-    except KeyboardInterrupt:
-        bar.close()
-        print(f"stopped; the same command goes on from what is in {folder}", file=sys.stderr)
-        raise
-    finally:
-        bar.close()
+    crew = Crew(arguments.workers, None, TASK_TIMEOUT)
+    card = collect_aloud(
+        campaign, str(folder), options, crew, rows="pushes", resume=True, unit="block", again="the same command"
+    )
     if card.quarantined:
         raise InputError(
             f"{arguments.plan}: some moments could not be tried: {card.quarantined[0]}; remove {folder} to try them again"

@@ -16,8 +16,8 @@ from drakeplan.robustness.capture_odds import CaptureOdds
 from drakeplan.robustness.capture_poses import CapturePoses
 from drakeplan.robustness.moments import Moment, moments_of
 from learning.capture_networks import load_capture
-from scenes.contact import Contact
-from scenes.effector import LEFT_FOOT, RIGHT_FOOT
+from scenes.contact import Contact, patch_corners
+from scenes.effector import EFFECTORS, LEFT_FOOT, RIGHT_FOOT
 from scenes.files.scene_file import scene_from_yaml
 from scenes.robots.robot import Robot
 from scenes.terrain.packed_terrain import pack_terrain
@@ -113,7 +113,8 @@ def draw_push_map(plan: Plan, robot: Robot, path: str | Path, *, palms: bool = T
         angle = 2.0 * np.pi * np.arange(DIRECTIONS + 1) / DIRECTIONS
         radius = 0.25 * np.append(foothold.greatest, foothold.greatest[0])
         axes.fill(x + radius * np.cos(angle), y + radius * np.sin(angle), color="#3b7dd8", alpha=0.35, lw=0)
-        corners = foothold.contact.p_WC[:2] + (_sole(robot, foothold.contact) @ foothold.contact.R_WC[:2, :2].T)
+        sole = patch_corners(robot.half_extents[EFFECTORS.index(foothold.contact.effector)])
+        corners = foothold.contact.p_WC[:2] + (sole @ foothold.contact.R_WC[:2, :2].T)
         axes.fill(*corners.T, facecolor="none", edgecolor="#333", lw=0.8)
     shown = axes.scatter(
         places[:, 0], places[:, 1], c=[f.weakest for f in found], cmap="RdYlGn", vmin=0.0, vmax=0.6, s=45, zorder=3,
@@ -125,9 +126,3 @@ def draw_push_map(plan: Plan, robot: Robot, path: str | Path, *, palms: bool = T
     axes.autoscale_view()
     figure.savefig(path, dpi=120, format="png")
     plt.close(figure)
-
-
-def _sole(robot: Robot, contact: Contact) -> np.ndarray:
-    """(4, 2) corners of a sole in its contact frame [m]."""
-    a, b = robot.half_extents[LEFT_FOOT if contact.effector == "left_foot" else RIGHT_FOOT]
-    return np.array([[a, b], [-a, b], [-a, -b], [a, -b]])

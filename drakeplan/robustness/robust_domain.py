@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from shapely.geometry.base import BaseGeometry
 
 from drakeplan.contact_planning.com_costs import DynamicWeights
@@ -225,9 +226,7 @@ class _Ways:
 
 def _cubic(start: CoM, end: CoM, duration: float, t: np.ndarray, rows: np.ndarray) -> CoM:
     """Cubic Hermite splines: positions and velocities of the chosen rows at times t, all in the same duration [s]."""
-    (r0, v0), (r1, v1) = ((r[rows][:, None], v[rows][:, None]) for r, v in (start, end))
-    T, s = duration, (np.asarray(t, float) / duration)[None, :, None]
-    r = (2 * s**3 - 3 * s**2 + 1) * r0 + (s**3 - 2 * s**2 + s) * T * v0
-    r = r + (3 * s**2 - 2 * s**3) * r1 + (s**3 - s**2) * T * v1
-    v = (6 * s**2 - 6 * s) / T * (r0 - r1) + (3 * s**2 - 4 * s + 1) * v0 + (3 * s**2 - 2 * s) * v1
-    return r.reshape(-1, 3), v.reshape(-1, 3)
+    (r0, v0), (r1, v1) = ((r[rows], v[rows]) for r, v in (start, end))
+    spline = CubicHermiteSpline([0.0, duration], np.stack([r0, r1]), np.stack([v0, v1]))
+    r, v = (np.moveaxis(spline(t, order), 0, 1).reshape(-1, 3) for order in (0, 1))
+    return r, v

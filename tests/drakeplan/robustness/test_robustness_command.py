@@ -83,7 +83,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[HereWorkers]]:
     def use(until: int = 1000) -> list[HereWorkers]:
         made: list[HereWorkers] = []
 
-        def start(campaign: Campaign, num_workers: int) -> HereWorkers:
+        def start(campaign: Campaign, num_workers: int, *, task_timeout: float) -> HereWorkers:
             made.append(HereWorkers(campaign, num_workers, until=until))
             return made[-1]
 
