@@ -32,7 +32,7 @@ def ways_to_stand(
     taken = np.array([not _all_free(standing, packed, near) for near in around])
     if not taken.any():
         return ways
-    wide = np.convolve(taken, np.ones(2 * AHEAD + 1), mode="same") > 0.5
+    wide = np.convolve(taken, np.ones(2 * AHEAD + 1))[AHEAD : AHEAD + len(taken)] > 0.5
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wide, [False]]).astype(int)))
     for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         everywhere = [place for near in around[first:last] for place in near]

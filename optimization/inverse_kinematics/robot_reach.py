@@ -28,11 +28,11 @@ STARTS = 6  # local searches from the best samples
 
 @dataclass(frozen=True)
 class ReachFigures:
-    """What `Robot` calls by the same names, measured; lengths in m, points in frame T."""
+    """What `Robot` calls by the same names, measured; lengths in m, points in frame T. None of a robot without palms."""
 
-    shoulder: np.ndarray
+    shoulder: np.ndarray | None
     hip: np.ndarray
-    arm_reach: tuple[float, float]
+    arm_reach: tuple[float, float] | None
     leg_reach: tuple[float, float]
     com_height: tuple[float, float, float]
     com_reach: tuple[float, float]  # foot, palm
@@ -47,15 +47,18 @@ def measure_reach(robot_plant: RobotPlant, *, seed: int = 0) -> ReachFigures:
         seed: of the random postures.
     """
     rng = np.random.default_rng(seed)
-    shoulder, arm = _limb_root(robot_plant, LEFT_PALM)
+    shoulder, arm = _limb_root(robot_plant, LEFT_PALM) if robot_plant.robot.palms else (None, [])
     hip, leg = _limb_root(robot_plant, LEFT_FOOT)
     return ReachFigures(
         shoulder=shoulder,
         hip=hip,
-        arm_reach=_distances(robot_plant, LEFT_PALM, arm, shoulder, rng),
+        arm_reach=None if shoulder is None else _distances(robot_plant, LEFT_PALM, arm, shoulder, rng),
         leg_reach=_distances(robot_plant, LEFT_FOOT, leg, hip, rng),
         com_height=_com_heights(robot_plant),
-        com_reach=(_com_reach(robot_plant, LEFT_FOOT, leg, rng), _com_reach(robot_plant, LEFT_PALM, arm, rng)),
+        com_reach=(
+            _com_reach(robot_plant, LEFT_FOOT, leg, rng),
+            0.0 if shoulder is None else _com_reach(robot_plant, LEFT_PALM, arm, rng),
+        ),
         foot_separation=_least_separation(robot_plant),
     )
 
@@ -202,7 +205,8 @@ def main(name: str) -> None:
     """Prints the figures of one robot as YAML."""
     figures = measure_reach(build_plant(load_robot(name)))
     for key, value in vars(figures).items():
-        print(f"{key}: {np.round(value, 3).tolist()}")
+        if value is not None:
+            print(f"{key}: {np.round(value, 3).tolist()}")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ named after the content that it was made from; it appears there whole or not at 
 from __future__ import annotations
 
 import contextlib
+import copy
 import hashlib
 import importlib.metadata
 import math
@@ -27,6 +28,7 @@ from scenes.input_error import InputError
 from scenes.robots.addresses import Addresses
 from scenes.robots.base_link import stand_on
 from scenes.robots.schema import FrameEntry, ModelChanges, PackageEntry
+from scenes.robots.touching_pairs import touching_pairs
 from scenes.robots.urdf_file import read_urdf
 from scenes.robots.urdf_pose import numbers, origin, origin_element, pose, turn
 
@@ -180,12 +182,16 @@ class _Model:
     def write(self, folder: Path) -> None:
         """Everything into a folder: model.urdf and its meshes."""
         self._weld_fixed_joints()
+        if self.base_body in self.changes.frames:  # the robot faces along another axis than its model's root
+            self._add_frame(self.base_body, self.changes.frames[self.base_body])
         stand_on(self.base_body, self.root, self.source)
         self.links = {e.get("name"): e for e in self.root.findall("link")}
         self.joints = {e.get("name"): e for e in self.root.findall("joint")}
         self._limit_joints()
+        self._collide_as_drawn()
         self._convert_collisions()
         self._convert_visuals()
+        self._free_names()
         self._add_frames()
         self._add_actuators()
         for name, text in self.files.items():
@@ -222,6 +228,7 @@ class _Model:
         bodies = {
             "base_body": [self.base_body],
             f"{key}.frames": [f.body for f in changes.frames.values()],
+            f"{key}.collide_as_drawn": changes.collide_as_drawn,
             f"{key}.one_hull": [b for group in changes.one_hull for b in group],
             f"{key}.ignored_pairs": [b for pair in changes.ignored_pairs for b in pair],
         }
@@ -229,7 +236,7 @@ class _Model:
             bodies["torso_body" if slot in self.origin.lacking else f"effectors.{slot}.frame"] = [frame.body]
         for where, names in bodies.items():
             for name in names:
-                if name not in self.links:
+                if name not in self.links and not (where == "base_body" and name in changes.frames):
                     raise InputError(f"{self.source}: {where}: the model has no link {name!r}")
         for where, names in {f"{key}.fixed": changes.fixed, "nominal": self.nominal}.items():
             for name in names:
@@ -276,6 +283,12 @@ class _Model:
             for key, value in (("lower", -WIDEST[kind]), ("upper", WIDEST[kind]), ("velocity", FASTEST[kind])):
                 if limit.get(key) is None:
                     limit.set(key, repr(value))
+
+    def _collide_as_drawn(self) -> None:
+        for name in self.changes.collide_as_drawn:
+            for visual in self.links[name].findall("visual"):
+                collision = etree.SubElement(self.links[name], "collision")
+                collision.extend([copy.deepcopy(e) for e in visual if e.tag in ("origin", "geometry")])
 
     def _convert_collisions(self) -> None:
         from scenes.robots.meshes import points_of
@@ -354,19 +367,44 @@ class _Model:
                 material = etree.SubElement(visual, "material", name=name.removesuffix(".obj"))
                 etree.SubElement(material, "color", rgba=" ".join(f"{v:.3f}" for v in colour))
 
+    def _free_names(self) -> None:
+        """A link that is called as an end effector, but is not its contact frame, gets another name."""
+        renamed = {}
+        for name in self.origin.slots:
+            if name in self.links and name not in self.origin.lacking:
+                renamed[name] = next(n for k in range(9) if (n := f"{name}_link{'_' * k}") not in self.links)
+        if not renamed:
+            return
+        for old, new in renamed.items():
+            self.links[old].set("name", new)
+            self.links[new] = self.links.pop(old)
+        for end in self.root.iter("parent", "child"):
+            end.set("link", renamed.get(end.get("link", ""), end.get("link", "")))
+        frames = (self.changes.frames, self.origin.slots)
+        moved = [{n: f.model_copy(update={"body": renamed.get(f.body, f.body)}) for n, f in g.items()} for g in frames]
+        pairs = [(renamed.get(a, a), renamed.get(b, b)) for a, b in self.changes.ignored_pairs]
+        self.changes = self.changes.model_copy(update={"frames": moved[0], "ignored_pairs": pairs})
+        self.origin = replace(self.origin, slots=moved[1])
+
     def _add_frames(self) -> None:
         for name, frame in {**self.changes.frames, **self.origin.slots}.items():
+            if name == self.base_body and name in self.changes.frames:
+                continue  # it became the root
             if name in self.links:
                 if name in self.origin.lacking:  # the model has a palm that the robot file does not use
                     continue
                 where = f"effectors.{name}" if name in self.origin.slots else f"{self.origin.key}.frames.{name}"
                 raise InputError(f"{self.source}: {where}: the model has a link of that name")
-            self.links[name] = etree.SubElement(self.root, "link", name=name)
-            joint = etree.SubElement(self.root, "joint", name=f"{name}_mount", type="fixed")
-            joint.append(origin_element(_frame_pose(frame)))
-            etree.SubElement(joint, "parent", link=frame.body)
-            etree.SubElement(joint, "child", link=name)
-            self.joints[f"{name}_mount"] = joint
+            self._add_frame(name, frame)
+
+    def _add_frame(self, name: str, frame: FrameEntry) -> None:
+        self.links[name] = etree.SubElement(self.root, "link", name=name)
+        mount = next(n for k in range(9) if (n := f"{name}_mount{'_' * k}") not in self.joints)
+        joint = etree.SubElement(self.root, "joint", name=mount, type="fixed")
+        joint.append(origin_element(_frame_pose(frame)))
+        etree.SubElement(joint, "parent", link=frame.body)
+        etree.SubElement(joint, "child", link=name)
+        self.joints[mount] = joint
 
     def _add_actuators(self) -> None:
         for name, joint in self.joints.items():
@@ -389,38 +427,6 @@ class _Model:
     def _write_urdf(self, folder: Path) -> None:
         etree.indent(self.root)
         etree.ElementTree(self.root).write(folder / "model.urdf", xml_declaration=True, encoding="utf-8")
-
-
-def touching_pairs(urdf: Path, nominal: Mapping[str, float], distance: float) -> set[tuple[str, str]]:
-    """Names of bodies nearer to each other than `distance` [m] with the joints at `nominal` [rad] and else 0.
-
-    Args:
-        urdf: the model file.
-        nominal: joint angles by name [rad]; other joints stand at 0.
-        distance: bodies nearer than this are named [m].
-    """
-    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-    from pydrake.systems.framework import DiagramBuilder
-
-    from scenes.robots.drake_parser import add_model, reading, set_joint
-
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    add_model(plant, urdf)
-    with reading(urdf):
-        plant.Finalize()
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    plant_context = plant.GetMyContextFromRoot(context)
-    for joint, angle in nominal.items():
-        set_joint(plant.GetJointByName(joint), plant_context, angle)
-    inspector = scene_graph.model_inspector()
-    query = plant.get_geometry_query_input_port().Eval(plant_context)
-    pairs = set()
-    for pair in query.ComputeSignedDistancePairwiseClosestPoints(distance):
-        frames = (inspector.GetFrameId(g) for g in (pair.id_A, pair.id_B))
-        pairs.add(tuple(sorted(plant.GetBodyFromFrameId(f).name() for f in frames)))
-    return pairs
 
 
 def _scale(mesh: etree._Element) -> np.ndarray:

@@ -10,6 +10,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 from lxml import etree  # type: ignore[attr-defined]
 
 from scenes.effector import EFFECTORS, LEFT_PALM, RIGHT_PALM
@@ -130,16 +131,30 @@ class Robot:
         return np.array([e.half_extent for e in self.effectors])
 
 
+def own_robots_folder() -> Path:
+    """Where `drakeplan robots add` puts the robots of a user: a folder each, with a robot file of the same name."""
+    return Path(platformdirs.user_data_dir("drakeplan")) / "robots"
+
+
 def robot_names() -> list[str]:
-    """Names of the robots that come with drakeplan."""
-    return sorted(p.stem for p in ROBOTS.glob("*/*.yaml") if p.stem == p.parent.name)
+    """Names of the robots that come with drakeplan, then of those that the user added."""
+    shipped = {p.stem for p in ROBOTS.glob("*/*.yaml") if p.stem == p.parent.name}
+    return sorted(shipped) + sorted(own_robot_names() - shipped)
+
+
+def own_robot_names() -> set[str]:
+    """Names of the robots that the user added."""
+    try:
+        return {p.stem for p in own_robots_folder().glob("*/*.yaml") if p.stem == p.parent.name}
+    except OSError:
+        return set()
 
 
 def load_robot(name: str | Path, packages: Mapping[str, Path] | None = None) -> Robot:
     """Reads a robot by name, or from a YAML file given by path.
 
     Args:
-        name: of a robot that comes with drakeplan, or a path that ends in .yaml or .yml.
+        name: of a robot that comes with drakeplan or was added by the user, or a path that ends in .yaml or .yml.
         packages: folders of package:// addresses by package name, besides those that the robot file names.
 
     Raises:
@@ -151,16 +166,23 @@ def load_robot(name: str | Path, packages: Mapping[str, Path] | None = None) -> 
         return _robot(path, read_robot_file(path), packages)
     if Path(text).suffix.lower() in MODEL_SUFFIXES:
         raise InputError(
-            f"{text}: a model, expected a robot's name or its YAML file, which names the model, soles and reaches"
+            f"{text}: a model, expected a robot's name or its YAML file: drakeplan robots add {text} makes one"
         )
     if text not in robot_names():
         raise unknown_name("robot", text, robot_names())
-    return _named_robot(text) if not packages else _robot(robot_path(text), read_robot_file(robot_path(text)), packages)
+    path = robot_path(text)
+    own = not path.is_relative_to(ROBOTS)
+    return _named_robot(text) if not (packages or own) else _robot(path, read_robot_file(path), packages)
 
 
 def robot_path(name: str) -> Path:
-    """The YAML file of a robot that comes with drakeplan."""
-    return ROBOTS / name / f"{name}.yaml"
+    """The YAML file of a robot that comes with drakeplan, or that the user added.
+
+    Args:
+        name: one of `robot_names()`.
+    """
+    shipped = ROBOTS / name / f"{name}.yaml"
+    return shipped if shipped.is_file() else own_robots_folder() / name / f"{name}.yaml"
 
 
 @lru_cache(maxsize=8)

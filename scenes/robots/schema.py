@@ -87,12 +87,14 @@ class ModelChanges(_Strict):
     Attributes:
         frames: contact frames to add as links.
         fixed: joints that are welded, at these angles [rad]; joints that mimic are welded at 0 unless named.
+        collide_as_drawn: bodies without collision shapes that take the shapes they are drawn with.
         one_hull: groups of welded bodies whose collision shapes become one convex hull on the first of them.
         ignored_pairs: bodies that may touch besides those that do in the nominal posture.
     """
 
     frames: dict[Text, FrameEntry] = {}
     fixed: dict[str, Number] = {}
+    collide_as_drawn: list[str] = []
     one_hull: list[Annotated[list[str], Field(min_length=1)]] = []
     ignored_pairs: list[tuple[str, str]] = []
 

@@ -14,11 +14,12 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from scenes.input_error import InputError
-from scenes.robots.adapter import adapted_model, touching_pairs
+from scenes.robots.adapter import adapted_model
 from scenes.robots.meshes import HULL_ERROR, HULL_VERTICES, hull_obj
 from scenes.robots.plant import build_plant, nominal_posture
 from scenes.robots.robot import load_robot
 from scenes.robots.schema import PackageEntry
+from scenes.robots.touching_pairs import touching_pairs
 
 URDF = """<?xml version="1.0"?>
 <robot name="toy">

@@ -1,0 +1,270 @@
+"""From a model to a robot's description: each part is found, each number measured or guessed, and all of it is said."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from drakeplan.robot_setup.draft import draft, find_base, mimicking
+from drakeplan.robot_setup.figures import Figures, make_figures
+from drakeplan.robot_setup.fists import closed_fingers
+from drakeplan.robot_setup.limbs import Limbs, find_limbs
+from drakeplan.robot_setup.link_tree import LinkTree
+from drakeplan.robot_setup.model_source import FoundModel
+from drakeplan.robot_setup.palms import Palm, find_palms
+from drakeplan.robot_setup.robot_file import frame_name, frame_words, write_robot_file
+from drakeplan.robot_setup.soles import Sole, find_soles, heading
+from drakeplan.robot_setup.standing import Standing, find_standing
+from drakeplan.robot_setup.symmetry import MirroredJoint, mirrored_joints
+from drakeplan.robot_setup.touching import always_touching
+from scenes.effector import EFFECTORS
+from scenes.input_error import InputError
+from scenes.robots.schema import FrameEntry, ModelChanges
+
+FRONT = "front"  # name of the frame that becomes the base where the model's own base does not face ahead
+UPRIGHT = (  # how a base may stand: z up as most, y up as in computer graphics, x up
+    np.eye(3),
+    np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
+)
+TURNED = np.cos(np.deg2rad(2.0))  # a base that faces ahead within this angle stays
+SAME_TURN = np.cos(np.deg2rad(30.0))
+
+
+@dataclass(eq=False)
+class Description:
+    """What was found of a robot.
+
+    Attributes:
+        found: the model.
+        name: of the robot.
+        base: body that floats.
+        changes: frames, welds and collision pairs that the model needs.
+        limbs: feet, hands and torso.
+        soles: of both feet.
+        palms: of both hands; None for a robot without.
+        standing: the nominal posture.
+        figures: reaches and limits.
+        mass: [kg].
+        notes: what a user should know, a line each.
+        origin: key of the robot file -> where its value comes from.
+    """
+
+    found: FoundModel
+    name: str
+    base: str
+    changes: ModelChanges
+    limbs: Limbs
+    soles: tuple[Sole, Sole]
+    palms: tuple[Palm, Palm] | None
+    standing: Standing
+    figures: Figures | None = None
+    mass: float = 0.0
+    notes: list[str] = field(default_factory=list)
+    origin: dict[str, str] = field(default_factory=dict)
+
+
+def describe_robot(
+    found: FoundModel,
+    name: str,
+    given: Mapping[str, str] | None = None,
+    *,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda line: None,
+) -> Description:
+    """Finds everything that a robot file needs; takes some seconds, with large meshes a minute.
+
+    Args:
+        found: the model.
+        name: of the robot.
+        given: effector -> link that the user names.
+        seed: of the random postures.
+        say: takes a line for each step.
+
+    Raises:
+        InputError: the model is no humanoid that stands on flat feet; the line says what is missing.
+    """
+    say("read the model")
+    base = find_base(found)
+    tree, limbs, R_WB = _upright(found, base, dict(given or {}))
+    front = heading(tree, limbs.feet)
+    notes: list[str] = []
+    say("close the fingers, hold the head still")
+    fixed, fingers = _welds(tree, limbs, front)
+    drawn = _drawn_only(tree, limbs)
+    changes = ModelChanges(fixed=fixed, one_hull=_hulls(tree, limbs), collide_as_drawn=drawn)
+    tree = draft(found, base, changes, R_WB)
+    limbs = _renamed(tree, limbs)
+    say("find soles and palms")
+    soles = find_soles(tree, limbs.feet)
+    palms = None if limbs.hands is None else find_palms(tree, limbs.hands, limbs.torso, front)
+    if limbs.hands is not None and palms is None:
+        notes.append(
+            f"the hands ({limbs.hands[0]}, {limbs.hands[1]}) have no shape that could lean on a wall: plans use the feet alone"
+        )
+        limbs = Limbs(limbs.feet, None, limbs.torso, limbs.origin)
+    elif limbs.hands is None:
+        notes.append("no arms with a hand were found: plans use the feet alone")
+    mirrored = _mirrored(tree, limbs, notes)
+    say("stand")
+    R_BF = R_WB.T @ np.column_stack([front, np.cross([0.0, 0.0, 1.0], front), [0.0, 0.0, 1.0]])
+    standing = find_standing(tree, soles, palms, mirrored, R_BF, seed=seed)
+    if isinstance(standing, str):
+        raise InputError(f"{found.file}: {standing}")
+    say("look for bodies that always touch")
+    pairs = always_touching(tree, standing.q, seed=seed)
+    frames: dict[str, FrameEntry] = {}
+    if R_BF[0, 0] < TURNED or R_BF[2, 2] < TURNED:
+        frames[FRONT] = frame_words(base, np.block([[R_BF, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
+        notes.append(f"the base {base!r} does not face ahead with z up: a frame {FRONT!r} on it becomes the base")
+    bodies = {b for link in tree.links.values() for b in link.bodies}
+    for e, part in enumerate([*soles, *(palms or ())]):
+        frames[frame_name(EFFECTORS[e], bodies)] = frame_words(part.body, part.X_BE)
+    description = Description(
+        found=found,
+        name=name,
+        base=FRONT if FRONT in frames else base,
+        changes=changes.model_copy(update={"frames": frames, "ignored_pairs": pairs}),
+        limbs=limbs,
+        soles=soles,
+        palms=palms,
+        standing=standing,
+        notes=notes,
+        origin={**limbs.origin, "fingers": fingers},
+    )
+    _note_doubts(tree, description, mimicking(found))
+    say("measure reaches")
+    _measure(tree, description, seed)
+    return description
+
+
+def _upright(found: FoundModel, base: str, given: dict[str, str]) -> tuple[LinkTree, Limbs, np.ndarray]:
+    first: InputError | None = None
+    for R_WB in UPRIGHT:
+        tree = draft(found, base, ModelChanges(), R_WB)
+        try:
+            return tree, find_limbs(tree, given), R_WB
+        except InputError as error:
+            first = first or error
+            if given:
+                break
+    assert first is not None
+    raise InputError(f"{found.file}: {first}") from None
+
+
+def _welds(tree: LinkTree, limbs: Limbs, front: np.ndarray) -> tuple[dict[str, float], str]:
+    """Angles of the joints that do not help to walk and lean; and how many of them are fingers, in words."""
+    moving = {tree.links[n].joint for end in (*limbs.feet, *(limbs.hands or ())) for n in tree.way(end)[1:]}
+    fixed: dict[str, float] = {}
+    for hand in limbs.hands or ():
+        points = np.concatenate([tree.links[n].points for n in tree.below(hand)])
+        way = tree.way(hand)
+        before = next(
+            (n for n in reversed(way[:-1]) if np.linalg.norm(tree.origin(n) - tree.origin(hand)) > 0.05), way[0]
+        )
+        out = (points.mean(axis=0) if len(points) else tree.origin(hand) + front) - tree.origin(before)
+        fixed |= closed_fingers(tree, hand, out / max(float(np.linalg.norm(out)), 1e-9))
+    fingers = len(fixed)
+    for link in tree.links.values():
+        if link.joint is not None and link.joint not in moving and link.joint not in fixed:
+            joint = tree.plant.GetJointByName(link.joint)
+            fixed[link.joint] = float(np.clip(0.0, joint.position_lower_limits()[0], joint.position_upper_limits()[0]))
+    return {k: round(v, 4) + 0.0 for k, v in fixed.items()}, f"{fingers} finger joints are closed as far as they go"
+
+
+def _drawn_only(tree: LinkTree, limbs: Limbs) -> list[str]:
+    """Bodies of feet and hands that are drawn and have no collision shape; of all links where the model has none at all."""
+    ends = [n for end in (*limbs.feet, *(limbs.hands or ())) for n in tree.below(end)]
+    bare = all(link.drawn_only or not len(link.points) for link in tree.links.values())
+    return sorted(body for name in (tree.links if bare else ends) for body in tree.links[name].drawn)
+
+
+def _hulls(tree: LinkTree, limbs: Limbs) -> list[list[str]]:
+    """A hand and its fingers become one convex shape."""
+    groups = []
+    for hand in limbs.hands or ():
+        moved = tree.links[hand].moved
+        bodies = [b for n in tree.below(hand) for b in tree.links[n].bodies]
+        if len(bodies) > 1 and _welded_below(tree, moved, bodies):
+            groups.append([moved, *(b for b in bodies if b != moved)])
+    return groups
+
+
+def _welded_below(tree: LinkTree, hand: str, bodies: list[str]) -> bool:
+    """Whether every body hangs below the hand's own body, which the one shape will sit on."""
+    parents = {}
+    for index in tree.plant.GetJointIndices():
+        joint = tree.plant.get_joint(index)
+        parents[joint.child_body().name()] = joint.parent_body().name()
+    for body in bodies:
+        while body != hand:
+            if body not in parents:
+                return False
+            body = parents[body]
+    return True
+
+
+def _renamed(tree: LinkTree, limbs: Limbs) -> Limbs:
+    """The same parts in a tree whose welds have joined links."""
+    owner = {body: name for name, link in tree.links.items() for body in link.bodies}
+    hands = None if limbs.hands is None else (owner[limbs.hands[0]], owner[limbs.hands[1]])
+    return Limbs((owner[limbs.feet[0]], owner[limbs.feet[1]]), hands, owner[limbs.torso], limbs.origin)
+
+
+def _mirrored(tree: LinkTree, limbs: Limbs, notes: list[str]) -> list[MirroredJoint]:
+    found: list[MirroredJoint] = []
+    for what, ends in (("legs", limbs.feet), ("arms", limbs.hands)):
+        if ends is None:
+            continue
+        left, right = (tree.way(end) for end in ends)
+        shared = sum(a == b for a, b in zip(left, right, strict=False))
+        joints = [[str(tree.links[n].joint) for n in way[shared:]] for way in (left, right)]
+        pairs = mirrored_joints(tree, *joints)
+        if pairs is None:
+            notes.append(f"the {what} are no mirror images of each other: the posture may stand crooked")
+        found += pairs or []
+    return found
+
+
+def _note_doubts(tree: LinkTree, d: Description, mimics: set[str]) -> None:
+    leg = len(tree.way(d.limbs.feet[0])) - len(tree.way(d.limbs.torso))
+    way = tree.way(d.limbs.feet[0])
+    shared = sum(a == b for a, b in zip(way, tree.way(d.limbs.feet[1]), strict=False))
+    leg = len(way) - shared
+    if leg < 6:
+        d.notes.append(
+            f"a leg has {leg} joints: soles stay flat on level ground, tilted stones and turns may be out of reach"
+        )
+    if d.limbs.hands is not None:
+        arm = len(tree.way(d.limbs.hands[0])) - len(tree.way(d.limbs.torso))
+        if arm < 6:
+            d.notes.append(f"an arm has {arm} joints: a palm cannot lie flat on every wall")
+    if d.changes.collide_as_drawn:
+        d.notes.append(f"no collision shape: {', '.join(d.changes.collide_as_drawn)}; what is drawn takes its place")
+    if mimics:
+        d.notes.append(f"{len(mimics)} joints mimic others: they are welded at 0, unless `fixed` names them")
+    if d.soles[0].tilt > np.deg2rad(15.0):
+        d.notes.append(f"the soles are {np.degrees(d.soles[0].tilt):.0f} deg off level at the model's zero posture")
+    if d.standing.arms_clear < 0.005:
+        d.notes.append("in the nominal posture the arms touch the body: change `nominal` if they need not")
+
+
+def _measure(tree: LinkTree, d: Description, seed: int) -> None:
+    from optimization.inverse_kinematics.robot_reach import measure_reach
+    from scenes.robots.plant import build_plant
+    from scenes.robots.robot import load_robot
+
+    with tempfile.TemporaryDirectory(prefix="drakeplan-robot-") as scratch:
+        file = Path(scratch) / f"{d.name}.yaml"
+        write_robot_file(d, file)
+        robot = load_robot(file, d.found.packages)
+        d.mass = robot.mass
+        try:
+            measured = measure_reach(build_plant(robot), seed=seed)
+        except (RuntimeError, np.linalg.LinAlgError) as error:
+            raise InputError(f"{d.found.file}: its reach could not be measured ({error})") from None
+    d.figures = make_figures(tree, d.limbs, d.soles, d.standing, measured, d.mass)
