@@ -1,5 +1,8 @@
 """What a described robot can do: stand, shift its weight, step, lean a palm on a wall, climb a stair."""
 
+# pydrake's stubs read "float64[m, 1]" as a shape and refuse every array.
+# pyright: reportArgumentType=false, reportReturnType=false
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator

@@ -32,7 +32,7 @@ UPRIGHT = (  # how a base may stand: z up as most, y up as in computer graphics,
     np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
 )
 TURNED = np.cos(np.deg2rad(2.0))  # a base that faces ahead within this angle stays
-SAME_TURN = np.cos(np.deg2rad(30.0))
+LONGER = 0.02  # [m] that a hand is drawn beyond its collision shapes, from where on what is drawn counts
 
 
 @dataclass(eq=False)
@@ -177,10 +177,24 @@ def _welds(tree: LinkTree, limbs: Limbs, front: np.ndarray) -> tuple[dict[str, f
 
 
 def _drawn_only(tree: LinkTree, limbs: Limbs) -> list[str]:
-    """Bodies of feet and hands that are drawn and have no collision shape; of all links where the model has none at all."""
-    ends = [n for end in (*limbs.feet, *(limbs.hands or ())) for n in tree.below(end)]
-    bare = all(link.drawn_only or not len(link.points) for link in tree.links.values())
-    return sorted(body for name in (tree.links if bare else ends) for body in tree.links[name].drawn)
+    """Bodies that are drawn where they lack a collision shape: all, where the model has none at all; a foot's or hand's, where it has none
+    or the hand is drawn longer than it collides, as with a rubber hand on a wrist.
+    """
+    if all(link.drawn_only or not len(link.points) for link in tree.links.values()):
+        return sorted(body for link in tree.links.values() for body in link.drawn)
+    found = [
+        b for foot in limbs.feet for n in tree.below(foot) if tree.links[n].drawn_only for b in tree.links[n].drawn
+    ]
+    for hand in limbs.hands or ():
+        for link in (tree.links[n] for n in tree.below(hand)):
+            low, high = (
+                (link.points.min(axis=0), link.points.max(axis=0)) if len(link.points) else (np.zeros(3), np.zeros(3))
+            )
+            for body, drawn in link.drawn.items():
+                beyond = max(float((drawn.max(axis=0) - high).max()), float((low - drawn.min(axis=0)).max()))
+                if link.drawn_only or beyond > LONGER:
+                    found.append(body)
+    return sorted(found)
 
 
 def _hulls(tree: LinkTree, limbs: Limbs) -> list[list[str]]:

@@ -17,7 +17,6 @@ NEAREST = 0.30  # of the greatest reach of an arm
 SHORTEST = 0.36  # of the greatest length of a leg
 LOWEST = 0.55  # of the nominal height of the CoM
 STEP, RISE = 0.80, 0.34  # of the leg's length: the longest and the highest step
-ARM_SPREAD = 0.5  # of what the torso box is wider than the trunk: part of the upper arms
 PALM_FORCE = (0.3, 0.5)  # least and greatest force limit of a palm, in multiples of M g
 FOOT_FORCE = 2.0  # of a foot
 
@@ -55,27 +54,24 @@ def torso_box(tree: LinkTree, limbs: Limbs, standing: Standing) -> tuple[np.ndar
         limbs: its parts.
         standing: its nominal posture.
     """
-    before = tree.plant.GetPositions(tree.context).copy()
     local = {n: (link.points - (X := tree.pose(n))[:3, 3]) @ X[:3, :3] for n, link in tree.links.items()}
-    tree.plant.SetPositions(tree.context, standing.q)
     legs = {n for foot in limbs.feet for n in tree.way(foot)[1:]}
-    arms = [tree.way(h) for h in limbs.hands or ()]
-    arm_links = {n for way in arms for n in way[way.index(limbs.torso) + 1 :]} if arms else set()
-    first = {way[way.index(limbs.torso) + 1] for way in arms}
+    arms = [way[way.index(limbs.torso) + 1 :] for way in map(tree.way, limbs.hands or ())]
+    arm_links, first = {n for arm in arms for n in arm}, {arm[0] for arm in arms}
     trunk, beside = [], []
-    for name, points in local.items():
-        X = tree.pose(name)
-        placed = points @ X[:3, :3].T + X[:3, 3]
-        if name in first:
-            beside.append(placed)
-        elif name not in legs and name not in arm_links:
-            trunk.append(placed)
-    hips = float(np.mean([tree.origin(tree.way(f)[min(3, len(tree.way(f)) - 1)])[2] for f in limbs.feet]))
-    tree.plant.SetPositions(tree.context, before)
+    with tree.posture(standing.q):
+        for name, points in local.items():
+            X = tree.pose(name)
+            placed = points @ X[:3, :3].T + X[:3, 3]
+            if name in first:
+                beside.append(placed)
+            elif name not in legs and name not in arm_links:
+                trunk.append(placed)
+        hips = float(np.mean([tree.origin(tree.way(f)[min(3, len(tree.way(f)) - 1)])[2] for f in limbs.feet]))
     body = np.concatenate([p for p in trunk if len(p)] or [np.array([[0.1, 0.15, hips + 0.4], [-0.1, -0.15, hips]])])
     low, high = body.min(axis=0), body.max(axis=0)
-    if beside and any(len(p) for p in beside):
-        wide = np.concatenate([p for p in beside if len(p)])
+    if any(len(p) for p in beside):
+        wide = np.concatenate(beside)
         low[1], high[1] = min(low[1], wide[:, 1].min()), max(high[1], wide[:, 1].max())
     low[2] = 0.86 * hips
     half = 0.5 * max(high[1] - low[1], 0.1)

@@ -24,24 +24,24 @@ def closed_fingers(tree: LinkTree, hand: str, out: np.ndarray) -> dict[str, floa
     Returns:
         Joint name -> angle [rad].
     """
-    start, angles = tree.plant.GetPositions(tree.context).copy(), {}
+    angles: dict[str, float] = {}
     local = {}
     for name in tree.below(hand):
         X = tree.pose(name)
         local[name] = (tree.links[name].points - X[:3, 3]) @ X[:3, :3]
-    for name in tree.below(hand)[1:]:
-        joint = tree.plant.GetJointByName(str(tree.links[name].joint))
-        low, high = float(joint.position_lower_limits()[0]), float(joint.position_upper_limits()[0])
-        tried = sorted({float(np.clip(s * limit, low, high)) for limit in (low, high) for s in SHARES}, key=abs)
-        reach = []
-        for angle in tried:
-            set_joint(joint, tree.context, angle)
-            ends = [_reach(tree, n, local[n], out) for n in tree.below(name)]
-            reach.append(max(ends))
-        best = tried[int(np.argmin(np.round(reach, 4)))]
-        set_joint(joint, tree.context, best)
-        angles[joint.name()] = best
-    tree.plant.SetPositions(tree.context, start)
+    with tree.posture(tree.plant.GetPositions(tree.context).copy()):
+        for name in tree.below(hand)[1:]:
+            joint = tree.plant.GetJointByName(str(tree.links[name].joint))
+            low, high = float(joint.position_lower_limits()[0]), float(joint.position_upper_limits()[0])
+            tried = sorted({float(np.clip(s * limit, low, high)) for limit in (low, high) for s in SHARES}, key=abs)
+            reach = []
+            for angle in tried:
+                set_joint(joint, tree.context, angle)
+                ends = [_reach(tree, n, local[n], out) for n in tree.below(name)]
+                reach.append(max(ends))
+            best = tried[int(np.argmin(np.round(reach, 4)))]
+            set_joint(joint, tree.context, best)
+            angles[joint.name()] = best
     return angles
 
 

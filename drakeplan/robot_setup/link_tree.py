@@ -1,10 +1,12 @@
 """A robot model as a tree of links: masses, joints, and the points of its collision shapes, seen at its zero posture."""
 
 # pydrake's stubs read "float64[3, 1]" as a shape and refuse every array.
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -33,7 +35,7 @@ class Link:
         mass: [kg].
         points: (N, 3) corners of its collision shapes in W at the zero posture [m]; of what is drawn where it has none.
         drawn_only: whether the points come from what is drawn.
-        drawn: bodies that are drawn and have no collision shape.
+        drawn: body that is drawn and has no collision shape -> (N, 3) corners of what is drawn, as `points`.
     """
 
     name: str
@@ -44,7 +46,7 @@ class Link:
     mass: float
     points: np.ndarray
     drawn_only: bool
-    drawn: tuple[str, ...] = ()
+    drawn: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,16 @@ class LinkTree:
     def pose(self, body: str) -> np.ndarray:
         """(4, 4) pose of a body in W."""
         return self.plant.EvalBodyPoseInWorld(self.context, self.plant.GetBodyByName(body)).GetAsMatrix4()
+
+    @contextlib.contextmanager
+    def posture(self, q: np.ndarray) -> Iterator[None]:
+        """Inside, the robot has the positions q (nq,); after it, those of before."""
+        before = self.plant.GetPositions(self.context).copy()
+        self.plant.SetPositions(self.context, q)
+        try:
+            yield
+        finally:
+            self.plant.SetPositions(self.context, before)
 
     def axis(self, joint: str) -> np.ndarray:
         """(3,) axis of a joint in W."""
@@ -163,7 +175,11 @@ def _links(plant: MultibodyPlant, inspector: SceneGraphInspector, context: Conte
             mass=sum(b.default_mass() for b in bodies),
             points=points,
             drawn_only=drawn_only,
-            drawn=tuple(b.name() for b in bodies if _is_drawn_only(plant, inspector, b)),
+            drawn={
+                b.name(): _points(plant, inspector, context, [b])[0]
+                for b in bodies
+                if _is_drawn_only(plant, inspector, b)
+            },
         )
     return links
 

@@ -155,7 +155,7 @@ def _normal(points: np.ndarray, foot: str) -> np.ndarray:
 
 def _long_edge(outline: shapely.Geometry) -> float:
     """Angle of the outline's tightest rectangle from the heading, 0 where that is more than a foot splays [rad]."""
-    box = outline.minimum_rotated_rectangle
+    box = shapely.minimum_rotated_rectangle(outline)
     if not isinstance(box, shapely.Polygon):
         return 0.0
     corners = np.array(box.exterior.coords)

@@ -9,7 +9,7 @@ s.t.  both soles level, apart by a given width, at one height, toes ahead
 """
 
 # pydrake's stubs read "float64[3, 1]" as a shape and refuse every array.
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false, reportOperatorIssue=false
 
 from __future__ import annotations
 
@@ -176,16 +176,12 @@ class _Problem:
         q = result.GetSolution(ik.q())
         if not np.isfinite(q).all():
             return None
-        plant, context = self.tree.plant, self.tree.context
-        before = plant.GetPositions(context).copy()
-        plant.SetPositions(context, q)
-        ok = bool(
-            (q >= plant.GetPositionLowerLimits() - 1e-5).all() and (q <= plant.GetPositionUpperLimits() + 1e-5).all()
-        )
-        for sole, side in zip(self.soles, (0.5, -0.5), strict=True):
-            X = self.tree.pose(sole.body) @ sole.X_BE
-            ok &= bool(np.abs(X[:3, 3] - [0, side * self.separation, 0]).max() < 1e-3 and X[2, 2] > 1 - 1e-4)
-        plant.SetPositions(context, before)
+        lower, upper = self.tree.plant.GetPositionLowerLimits(), self.tree.plant.GetPositionUpperLimits()
+        ok = bool((q >= lower - 1e-5).all() and (q <= upper + 1e-5).all())
+        with self.tree.posture(q):
+            for sole, side in zip(self.soles, (0.5, -0.5), strict=True):
+                X = self.tree.pose(sole.body) @ sole.X_BE
+                ok &= bool(np.abs(X[:3, 3] - [0, side * self.separation, 0]).max() < 1e-3 and X[2, 2] > 1 - 1e-4)
         return q if ok else None
 
     def solve(self, tall: np.ndarray, outward: float, rng: np.random.Generator) -> Standing | None:
@@ -227,53 +223,37 @@ class _Problem:
             joint = plant.GetJointByName(name)
             low, high = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
             angles[name] = float(np.clip(angle, np.ceil(low * 1e4) / 1e4, np.floor(high * 1e4) / 1e4))
-        before = plant.GetPositions(context).copy()
-        plant.SetPositions(context, q)
-        com_W = plant.CalcCenterOfMassPositionInWorld(context)
-        clear = self._arms_clear()
-        plant.SetPositions(context, before)
+        with self.tree.posture(q):
+            com_W = plant.CalcCenterOfMassPositionInWorld(context)
+            clear = self._arms_clear()
         return Standing(angles, q, self.separation, hip, clear, com_W)
 
     def _hip_height(self, q: np.ndarray) -> float:
-        plant, context = self.tree.plant, self.tree.context
-        before = plant.GetPositions(context).copy()
-        plant.SetPositions(context, q)
-        height = float(np.mean([self.tree.origin(n)[2] for n in _hip_links(self.tree, self.soles)]))
-        plant.SetPositions(context, before)
-        return height
+        with self.tree.posture(q):
+            return float(np.mean([self.tree.origin(n)[2] for n in _hip_links(self.tree, self.soles)]))
 
     def _knees_behind(self, q: np.ndarray) -> bool:
         """Whether the middle of a leg is behind the line from hip to sole: knees of people bend forward."""
-        plant, context = self.tree.plant, self.tree.context
-        before = plant.GetPositions(context).copy()
-        plant.SetPositions(context, q)
         way = self.tree.way(self.soles[0].link)
-        hip = self.tree.origin(_hip_links(self.tree, self.soles)[0])
-        foot = self.tree.origin(self.soles[0].link)
-        middle = min(way[1:], key=lambda n: abs(self.tree.origin(n)[2] - 0.5 * (hip[2] + foot[2])))
-        p = self.tree.origin(middle)
-        share = (hip[2] - p[2]) / max(hip[2] - foot[2], 1e-6)
-        behind = p[0] < hip[0] + share * (foot[0] - hip[0]) - 0.005
-        plant.SetPositions(context, before)
-        return bool(behind)
+        with self.tree.posture(q):
+            hip = self.tree.origin(_hip_links(self.tree, self.soles)[0])
+            foot = self.tree.origin(self.soles[0].link)
+            middle = min((self.tree.origin(n) for n in way[1:]), key=lambda p: abs(p[2] - 0.5 * (hip[2] + foot[2])))
+        share = (hip[2] - middle[2]) / max(hip[2] - foot[2], 1e-6)
+        return bool(middle[0] < hip[0] + share * (foot[0] - hip[0]) - 0.005)
 
     def _ready(self, q: np.ndarray, outward: float) -> list[tuple[Palm, np.ndarray]]:
         """Where each hand is carried."""
-        if self.palms is None:
-            return []
-        plant, context = self.tree.plant, self.tree.context
-        before = plant.GetPositions(context).copy()
-        plant.SetPositions(context, q)
         found = []
-        for palm, side in zip(self.palms, (1.0, -1.0), strict=True):
-            way = self.tree.way(palm.link)
-            first = way[self._arm_start(way) :]
-            shoulder = self.tree.origin(first[min(2, len(first) - 1)])
-            hand = (self.tree.pose(palm.body) @ palm.X_BE)[:3, 3]
-            places = [shoulder, *(self.tree.origin(n) for n in first[3:]), hand]
-            length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
-            found.append((palm, shoulder + length * np.array([FORWARD, side * outward, -DOWN])))
-        plant.SetPositions(context, before)
+        with self.tree.posture(q):
+            for palm, side in zip(self.palms or (), (1.0, -1.0), strict=False):
+                way = self.tree.way(palm.link)
+                first = way[self._arm_start(way) :]
+                shoulder = self.tree.origin(first[min(2, len(first) - 1)])
+                hand = (self.tree.pose(palm.body) @ palm.X_BE)[:3, 3]
+                places = [shoulder, *(self.tree.origin(n) for n in first[3:]), hand]
+                length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
+                found.append((palm, shoulder + length * np.array([FORWARD, side * outward, -DOWN])))
         return found
 
     def _arm_start(self, way: list[str]) -> int:

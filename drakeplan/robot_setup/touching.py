@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from pydrake.geometry import PenetrationAsPointPair, SceneGraphInspector
+from pydrake.multibody.plant import MultibodyPlant
 
 from drakeplan.robot_setup.link_tree import LinkTree
 
@@ -28,7 +30,6 @@ def always_touching(tree: LinkTree, q: np.ndarray, *, seed: int = 0) -> list[tup
     """
     rng = np.random.default_rng(seed)
     plant, context = tree.plant, tree.context
-    before = plant.GetPositions(context).copy()
     low, high = plant.GetPositionLowerLimits()[7:], plant.GetPositionUpperLimits()[7:]
     width = np.minimum(high - low, 2 * np.pi)
     owner = {body: name for name, link in tree.links.items() for body in link.bodies}
@@ -36,21 +37,20 @@ def always_touching(tree: LinkTree, q: np.ndarray, *, seed: int = 0) -> list[tup
     for _ in range(SAMPLES):
         sample = q.copy()
         sample[7:] = np.clip(q[7:] + SPREAD * width * rng.uniform(-1, 1, len(width)), low, high)
-        plant.SetPositions(context, sample)
-        query = plant.get_geometry_query_input_port().Eval(context)
-        inspector = query.inspector()
-        counts.update(
-            {
-                tuple(sorted(plant.GetBodyFromFrameId(inspector.GetFrameId(g)).name() for g in (p.id_A, p.id_B)))
-                for p in query.ComputePointPairPenetration()
-            }
-        )
-    plant.SetPositions(context, before)
+        with tree.posture(sample):
+            query = plant.get_geometry_query_input_port().Eval(context)
+            inspector = query.inspector()
+            counts.update({_bodies(plant, inspector, p) for p in query.ComputePointPairPenetration()})
     return sorted(
         (a, b)
         for (a, b), count in counts.items()
         if count > SAMPLES * (OFTEN if _joints_between(tree, owner[a], owner[b]) <= NEIGHBOURS else ALWAYS)
     )
+
+
+def _bodies(plant: MultibodyPlant, inspector: SceneGraphInspector, pair: PenetrationAsPointPair) -> tuple[str, str]:
+    a, b = sorted(plant.GetBodyFromFrameId(inspector.GetFrameId(g)).name() for g in (pair.id_A, pair.id_B))
+    return a, b
 
 
 def _joints_between(tree: LinkTree, a: str, b: str) -> int:
