@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 import tyro
 
 from drakeplan.cli.arguments import Packages
+from drakeplan.cli.robot_facts import robot_facts
+from scenes.effector import EFFECTORS
 from scenes.input_error import InputError
 from scenes.robots.addresses import read_packages
 from scenes.robots.robot import Robot, load_robot, own_robot_names, robot_names
@@ -80,7 +82,22 @@ def run(arguments: Arguments) -> int:
         return _list(arguments) if arguments.path is None else _path(arguments)
     from drakeplan.cli import robots_add
 
-    return robots_add.add(arguments) if arguments.action == "add" else robots_add.check(arguments)
+    packages = read_packages(arguments.package)
+    if arguments.action == "check":
+        return robots_add.check(arguments.robot, packages, arguments.picture, arguments.seed, arguments.json)
+    return robots_add.add(
+        arguments.robot,
+        packages,
+        robots_add.Wanted(
+            name=arguments.name,
+            out=arguments.out,
+            picture=arguments.picture,
+            links={e: link for e in EFFECTORS if (link := getattr(arguments, e)) is not None},
+            replace=arguments.replace,
+        ),
+        arguments.seed,
+        arguments.json,
+    )
 
 
 def _check_options(arguments: Arguments) -> None:
@@ -144,14 +161,3 @@ def _try_load(name: str) -> Robot | str:
         return load_robot(name)
     except InputError as error:
         return str(error)
-
-
-def robot_facts(robot: Robot) -> dict[str, object]:
-    """What `--json` says of a robot."""
-    return {
-        "name": robot.name,
-        "path": str(robot.model),
-        "sha256": robot.model_sha256,
-        "mass": robot.mass,
-        "effectors": {e.name: {"frame": e.frame, "half_extent": list(e.half_extent)} for e in robot.effectors},
-    }

@@ -5,59 +5,77 @@ from __future__ import annotations
 import re
 import sys
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drakeplan.cli.robot_facts import robot_facts
 from scenes.effector import EFFECTORS
 from scenes.files.whole_file import require_writable
 from scenes.input_error import InputError
-from scenes.robots.addresses import read_packages
 from scenes.robots.robot import ROBOTS, load_robot, own_robots_folder
 
 if TYPE_CHECKING:
-    from drakeplan.cli.robots import Arguments
-    from drakeplan.robot_setup.describe import Description
+    from drakeplan.robot_setup.description import Description
 
 
-def add(arguments: Arguments) -> int:
-    """Describes a model and writes its robot file."""
+@dataclass(frozen=True)
+class Wanted:
+    """What a user may choose about a robot to add.
+
+    Attributes:
+        name: of the robot; None for the model file's.
+        out: folder of the robot file; None for the user's data folder.
+        picture: PNG file; None for one beside the robot file.
+        links: effector -> link, of those that the user names.
+        replace: whether a robot file that is there is replaced.
+    """
+
+    name: str | None
+    out: str | None
+    picture: str | None
+    links: Mapping[str, str]
+    replace: bool
+
+
+def add(model: str, packages: Mapping[str, Path], wanted: Wanted, seed: int, as_json: bool) -> int:
+    """Describes a model and writes its robot file.
+
+    Args:
+        model: path, or PACKAGE/FILE.
+        packages: folders of package:// addresses by package name.
+        wanted: what the user chooses.
+        seed: of random postures.
+        as_json: whether one JSON object is printed.
+    """
     from drakeplan.robot_setup.model_source import find_model_source
 
-    found = find_model_source(arguments.robot, read_packages(arguments.package))
-    name = _name(arguments, found.file)
-    folder = _folder(arguments, name)
+    found = find_model_source(model, packages)
+    name = _name(wanted, found.file)
+    folder = _folder(wanted, name)
     file = folder / f"{name}.yaml"
-    picture = Path(arguments.picture) if arguments.picture is not None else folder / f"{name}.png"
+    picture = Path(wanted.picture) if wanted.picture is not None else folder / f"{name}.png"
     require_writable(picture)
     from drakeplan.robot_setup.describe import describe_robot
     from drakeplan.robot_setup.pictures import write_pictures
     from drakeplan.robot_setup.robot_file import write_robot_file
 
-    given = {e: link for e in EFFECTORS if (link := getattr(arguments, e)) is not None}
     began = time.perf_counter()
-    description = describe_robot(found, name, given, seed=arguments.seed, say=_say)
+    description = describe_robot(found, name, wanted.links, seed=seed, say=_say)
     write_robot_file(description, file)
-    robot = load_robot(file, found.packages)
+    robot = load_robot(file, packages)
     _say("draw")
     write_pictures(robot, picture)
-    seconds = time.perf_counter() - began
-    wanted = arguments.name or name
-    if arguments.json:
+    if as_json:
         from drakeplan.cli.output import print_json
-        from drakeplan.cli.robots import robot_facts
 
-        print_json(
-            {
-                **robot_facts(robot),
-                "file": str(file),
-                "picture": str(picture),
-                "notes": description.notes,
-                "seconds": round(seconds, 2),
-            }
-        )
+        files = {"file": str(file), "picture": str(picture)}
+        seconds = round(time.perf_counter() - began, 2)
+        print_json({**robot_facts(robot), **files, "notes": description.notes, "seconds": seconds})
         return 0
     _report(description)
-    by = wanted if arguments.out is None else str(file)
+    by = name if wanted.out is None else str(file)
     print(f"\nwritten      {file}\npicture      {picture}")
     print(f"next         drakeplan robots check {by}\n             drakeplan plan stairs --robot {by}")
     return 0
@@ -67,23 +85,23 @@ def _say(line: str) -> None:
     print(f"  {line} ...", file=sys.stderr)
 
 
-def _name(arguments: Arguments, model: Path) -> str:
-    name = (
-        arguments.name if arguments.name is not None else re.sub(r"[^\w.+-]+", "_", model.stem).strip("_.") or "robot"
-    )
+def _name(wanted: Wanted, model: Path) -> str:
+    name = wanted.name
+    if name is None:
+        name = re.sub(r"[^\w.+-]+", "_", model.stem).strip("_.") or "robot"
     if not re.fullmatch(r"\w[\w .+-]{0,63}", name):
         raise InputError(
             f"--name {name}: expected letters, digits, spaces and . + - _, at most 64, the first a letter or digit"
         )
-    if (ROBOTS / name / f"{name}.yaml").is_file() and arguments.out is None:
+    if (ROBOTS / name / f"{name}.yaml").is_file() and wanted.out is None:
         raise InputError(f"--name {name}: a robot of this name comes with drakeplan: choose another")
     return name
 
 
-def _folder(arguments: Arguments, name: str) -> Path:
-    folder = Path(arguments.out).expanduser() if arguments.out is not None else own_robots_folder() / name
+def _folder(wanted: Wanted, name: str) -> Path:
+    folder = Path(wanted.out).expanduser() if wanted.out is not None else own_robots_folder() / name
     file = folder / f"{name}.yaml"
-    if file.exists() and not arguments.replace:
+    if file.exists() and not wanted.replace:
         raise InputError(f"{file}: there is a robot of this name: add --replace, or choose another --name")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -121,26 +139,34 @@ def _report(d: Description) -> None:
         print(f"note         {note}")
 
 
-def check(arguments: Arguments) -> int:
-    """Asks what a robot can do; 0 when it can do all of it, else 1."""
-    if arguments.picture is not None:
-        require_writable(arguments.picture)
-    robot = load_robot(arguments.robot, read_packages(arguments.package))
+def check(name: str, packages: Mapping[str, Path], picture: str | None, seed: int, as_json: bool) -> int:
+    """Asks what a robot can do; 0 when it can do all of it, else 1.
+
+    Args:
+        name: of the robot, or its robot file.
+        packages: folders of package:// addresses by package name.
+        picture: PNG file to draw the robot in; None for none.
+        seed: of the crossings.
+        as_json: whether one JSON object is printed.
+    """
+    if picture is not None:
+        require_writable(picture)
+    robot = load_robot(name, packages)
     from drakeplan.robot_setup.check import check_robot
 
-    if arguments.picture is not None:
+    if picture is not None:
         from drakeplan.robot_setup.pictures import write_pictures
 
-        write_pictures(robot, arguments.picture)
+        write_pictures(robot, picture)
     findings = []
-    for finding in check_robot(robot, seed=arguments.seed, say=_say):
+    for finding in check_robot(robot, seed=seed, say=_say):
         findings.append(finding)
-        if not arguments.json:
+        if not as_json:
             print(f"{finding.name:<8} {'yes' if finding.ok else 'NO':<4} {finding.says}", flush=True)
             if not finding.ok and finding.keys:
                 print(f"{'':<13} look at {', '.join(finding.keys)} in {robot.source}")
     able = all(f.ok for f in findings)
-    if arguments.json:
+    if as_json:
         from drakeplan.cli.output import print_json
 
         print_json(

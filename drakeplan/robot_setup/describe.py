@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from drakeplan.robot_setup.description import Description
 from drakeplan.robot_setup.draft import draft, find_base, mimicking
-from drakeplan.robot_setup.figures import Figures, make_figures
+from drakeplan.robot_setup.figures import make_figures
 from drakeplan.robot_setup.fists import closed_fingers
 from drakeplan.robot_setup.limbs import Limbs, find_limbs
 from drakeplan.robot_setup.link_tree import LinkTree
 from drakeplan.robot_setup.model_source import FoundModel
-from drakeplan.robot_setup.palms import Palm, find_palms
+from drakeplan.robot_setup.palms import find_palms
 from drakeplan.robot_setup.robot_file import frame_name, frame_words, write_robot_file
-from drakeplan.robot_setup.soles import Sole, find_soles, heading
-from drakeplan.robot_setup.standing import Standing, find_standing
+from drakeplan.robot_setup.soles import find_soles, heading
+from drakeplan.robot_setup.standing import find_standing
 from drakeplan.robot_setup.symmetry import MirroredJoint, mirrored_joints
 from drakeplan.robot_setup.touching import always_touching
 from scenes.effector import EFFECTORS
@@ -33,39 +33,6 @@ UPRIGHT = (  # how a base may stand: z up as most, y up as in computer graphics,
 )
 TURNED = np.cos(np.deg2rad(2.0))  # a base that faces ahead within this angle stays
 LONGER = 0.02  # [m] that a hand is drawn beyond its collision shapes, from where on what is drawn counts
-
-
-@dataclass(eq=False)
-class Description:
-    """What was found of a robot.
-
-    Attributes:
-        found: the model.
-        name: of the robot.
-        base: body that floats.
-        changes: frames, welds and collision pairs that the model needs.
-        limbs: feet, hands and torso.
-        soles: of both feet.
-        palms: of both hands; None for a robot without.
-        standing: the nominal posture.
-        figures: reaches and limits.
-        mass: [kg].
-        notes: what a user should know, a line each.
-        origin: key of the robot file -> where its value comes from.
-    """
-
-    found: FoundModel
-    name: str
-    base: str
-    changes: ModelChanges
-    limbs: Limbs
-    soles: tuple[Sole, Sole]
-    palms: tuple[Palm, Palm] | None
-    standing: Standing
-    figures: Figures | None = None
-    mass: float = 0.0
-    notes: list[str] = field(default_factory=list)
-    origin: dict[str, str] = field(default_factory=dict)
 
 
 def describe_robot(
@@ -177,8 +144,9 @@ def _welds(tree: LinkTree, limbs: Limbs, front: np.ndarray) -> tuple[dict[str, f
 
 
 def _drawn_only(tree: LinkTree, limbs: Limbs) -> list[str]:
-    """Bodies that are drawn where they lack a collision shape: all, where the model has none at all; a foot's or hand's, where it has none
-    or the hand is drawn longer than it collides, as with a rubber hand on a wrist.
+    """Bodies to collide as they are drawn, for want of another shape: all of a model that has none.
+
+    Else those of a foot or hand without any, and of a hand that is drawn longer than it collides: a rubber hand on a wrist.
     """
     if all(link.drawn_only or not len(link.points) for link in tree.links.values()):
         return sorted(body for link in tree.links.values() for body in link.drawn)

@@ -18,7 +18,7 @@ SIDES = (
 )  # fmt: skip
 TOE = re.compile(r"toe", re.IGNORECASE)
 FINGER = re.compile(
-    r"finger|thumb|index|middle|pinky|little|(?<![a-z])ring|gripper|knuckle|claw|jaw|tip|hand_(?=[a-z]*_?\d)",
+    r"finger|thumb|index|middle|pinky|little|(?<![a-z])ring|gripper|knuckle|claw|jaw|tip|hand$|hand_(?=[a-z]*_?\d)",
     re.IGNORECASE,
 )
 ARM = re.compile(r"arm|shoulder|elbow|wrist|hand", re.IGNORECASE)  # names of joints that no leg has

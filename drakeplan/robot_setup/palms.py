@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from drakeplan.robot_setup.link_tree import LinkTree
+from drakeplan.robot_setup.symmetry import alike, mirror_pose
 
 SIZES = (0.045, 0.035, 0.025, 0.02, 0.015, 0.01)  # [m] half extents that are tried, largest first
 OFF_BODY = 0.008  # [m] of the patch's corners from the hand, at most; the verifier allows 10 mm
@@ -47,6 +48,9 @@ def find_palms(tree: LinkTree, hands: Sequence[str], torso: str, front: np.ndarr
     for half in SIZES:
         left, right = (_palm(tree, hand, torso, front, half) for hand in hands)
         if left is not None and right is not None:
+            X_WR = mirror_pose(tree.pose(left.body) @ left.X_BE, front)
+            if alike(X_WR, tree.pose(right.body) @ right.X_BE):
+                right = replace(right, X_BE=np.linalg.inv(tree.pose(right.body)) @ X_WR)
             return left, right
     return None
 

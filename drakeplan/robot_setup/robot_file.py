@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from drakeplan.robot_setup.description import Description
 from scenes.effector import EFFECTORS
 from scenes.files.whole_file import write_whole
 from scenes.robots.schema import FrameEntry
-
-if TYPE_CHECKING:
-    from drakeplan.robot_setup.describe import Description
 
 HEADER = """# {name}, described by `drakeplan robots add`. Metres, radians, kilograms. Every value may be changed by hand;
 # `drakeplan robots check {file}` tries what the robot can do with it.
@@ -111,7 +108,9 @@ def _model(d: Description) -> list[str]:
         lines += ["  one_hull:        # a hand and its fingers are one convex shape"]
         lines += [f"    - [{', '.join(_quoted(b) for b in group)}]" for group in d.changes.one_hull]
     if d.changes.ignored_pairs:
-        lines += ["  # Neighbours whose shapes overlap in most postures."]
+        lines += [
+            "  # Neighbours whose convex shapes overlap near the nominal posture; the limits of their joints keep them apart."
+        ]
         pairs = ", ".join(f"[{_quoted(a)}, {_quoted(b)}]" for a, b in d.changes.ignored_pairs)
         lines += [f"  ignored_pairs: [{pairs}]"]
     return lines

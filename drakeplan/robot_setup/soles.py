@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from scipy.spatial import ConvexHull, QhullError
 
 from drakeplan.robot_setup.link_tree import LinkTree
+from drakeplan.robot_setup.symmetry import alike, mirror_pose
 from scenes.input_error import InputError
 
 FLAT = 0.004  # [m] points nearer to the sole's plane than this belong to it
@@ -80,6 +81,9 @@ def find_soles(tree: LinkTree, feet: Sequence[str]) -> tuple[Sole, Sole]:
     overhang = np.maximum(left.overhang, right.overhang)
     shared = {"half_extent": (float(size[0]), float(size[1])), "overhang": tuple(float(v) for v in overhang)}
     left, right = (Sole(**{**vars(s), **shared}) for s in (left, right))
+    X_WR = mirror_pose(tree.pose(left.body) @ left.X_BE, front)
+    if alike(X_WR, tree.pose(right.body) @ right.X_BE):  # meshes of both sides differ by some millimetres
+        right = replace(right, X_BE=np.linalg.inv(tree.pose(right.body)) @ X_WR)
     return left, right
 
 

@@ -32,6 +32,7 @@ FORWARD, DOWN = 0.30, 0.60  # where a hand is carried before and below the shoul
 OUTWARD = (0.15, 0.25, 0.4, 0.55)  # beside the shoulder: the first that keeps the arms clear
 CLEAR = 0.02  # [m] of the arms from legs and trunk
 FLAT_ANGLE = 2e-3  # [rad] of the soles
+BENT_BACK = 100.0  # cost of knees that bend backwards, more than any other posture costs
 SMALL = 0.006  # [rad] angles below this are 0
 TRIES = 6  # starts of the solver
 
@@ -164,14 +165,15 @@ class _Problem:
             ik = self._program()
             ik.prog().AddLinearCost(-ik.q()[6])
             ik.prog().AddQuadraticErrorCost(1e-3 * np.eye(len(ik.q()) - 7), np.zeros(len(ik.q()) - 7), ik.q()[7:])
-            q = self._answer(ik, self._start(rng, 0.1 + 0.1 * k))
-            if q is not None and (best is None or q[6] > best[6]):
-                best = q
+            found = self._answer(ik, self._start(rng, 0.1 + 0.1 * k))
+            if found is not None and (best is None or found[0][6] > best[6]):
+                best = found[0]
             if best is not None and k >= TRIES:
                 break
         return best
 
-    def _answer(self, ik: InverseKinematics, start: np.ndarray) -> np.ndarray | None:
+    def _answer(self, ik: InverseKinematics, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+        """What the solver found and its cost, None where it does not stand."""
         result = SnoptSolver().Solve(ik.prog(), start)
         q = result.GetSolution(ik.q())
         if not np.isfinite(q).all():
@@ -182,7 +184,7 @@ class _Problem:
             for sole, side in zip(self.soles, (0.5, -0.5), strict=True):
                 X = self.tree.pose(sole.body) @ sole.X_BE
                 ok &= bool(np.abs(X[:3, 3] - [0, side * self.separation, 0]).max() < 1e-3 and X[2, 2] > 1 - 1e-4)
-        return q if ok else None
+        return (q, float(result.get_optimal_cost())) if ok else None
 
     def solve(self, tall: np.ndarray, outward: float, rng: np.random.Generator) -> Standing | None:
         """The posture at the chosen height with the hands beside the body."""
@@ -205,12 +207,12 @@ class _Problem:
                 ik.AddPositionCost(plant.world_frame(), target, frame, palm.X_BE[:3, 3], 4.0 * np.eye(3))
             start = tall + np.concatenate([np.zeros(7), (0.15 + 0.1 * k) * rng.standard_normal(len(tall) - 7)])
             start = np.clip(start, plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits())
-            q = self._answer(ik, np.concatenate([start, [0.0, 0.0, 0.5 * height]]))
-            if q is None:
+            found = self._answer(ik, np.concatenate([start, [0.0, 0.0, 0.5 * height]]))
+            if found is None:
                 continue
-            cost = float(np.sum(q[7:] ** 2)) + (100.0 if self._knees_behind(q) else 0.0)
+            cost = found[1] + (BENT_BACK if self._knees_behind(found[0]) else 0.0)
             if best is None or cost < best[0] - 1e-6:
-                best = (cost, q)
+                best = (cost, found[0])
         if best is None:
             return None
         q = best[1]
@@ -249,9 +251,9 @@ class _Problem:
             for palm, side in zip(self.palms or (), (1.0, -1.0), strict=False):
                 way = self.tree.way(palm.link)
                 first = way[self._arm_start(way) :]
-                shoulder = self.tree.origin(first[min(2, len(first) - 1)])
+                shoulder = self.tree.origin(first[min(1, len(first) - 1)])
                 hand = (self.tree.pose(palm.body) @ palm.X_BE)[:3, 3]
-                places = [shoulder, *(self.tree.origin(n) for n in first[3:]), hand]
+                places = [shoulder, *(self.tree.origin(n) for n in first[2:]), hand]
                 length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
                 found.append((palm, shoulder + length * np.array([FORWARD, side * outward, -DOWN])))
         return found

@@ -15,7 +15,9 @@ from drakeplan.robot_setup.link_tree import LinkTree
 
 SAMPLES = 200  # postures about the nominal one
 SPREAD = 0.25  # of each joint's range
-OFTEN = 0.3  # share of the postures in which neighbours overlap
+OFTEN = (
+    0.05  # share of the postures in which neighbours overlap: joint limits keep real ones apart, convex shapes do not
+)
 ALWAYS = 0.9  # the same for bodies farther apart in the chain
 NEIGHBOURS = 2  # joints between bodies whose shapes are drawn over the joint
 
