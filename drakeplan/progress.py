@@ -17,7 +17,8 @@ class ProgressEvent:
     """One progress event.
 
     Attributes:
-        stage: what is going on: "load", "search", "dynamics", "motion", "verify", "explain", "simulate" or "write".
+        stage: what is going on: "load", "search", "dynamics", "motion", "verify", "explain", "simulate", "batch"
+            or "write".
         message: one line for people, may be empty.
         cost: of the best contact sequence so far; None before there is one.
         bound: that cost is at most this many times the optimum; None where nothing is known.

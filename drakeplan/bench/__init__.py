@@ -19,6 +19,7 @@ BENCHES = {
     "experience": "stored plans adapted, the search, and both at once; success where footholds get rare; picture in out/",
     "segments": "rooms joined by corridors and staircases: search, segments of a guiding path, stored plans",
     "traversability": "learned estimates of how hard ground is, as a heuristic: three corridors, regressors, features",
+    "robots": "robots of other people, added from their models: checked, and sent across four scenes",
     "robustness": "plans against pushes: every push tried, beside Lin 2020 fig. 7.7",
     "braced_ramp": "a wheeled robot that walks along a wall with its palms: standard heuristic beside traversability",
     "deform": "plans deformed to surfaces moved by up to 10 cm and 15 deg, beside planning again",

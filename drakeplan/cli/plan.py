@@ -133,6 +133,8 @@ class Arguments:
     """limit of expanded nodes; makes runs repeatable, unlike a time limit"""
     no_palms: bool = False
     """plan with the feet alone"""
+    avoid: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SURFACE ...", help_behavior_hint="")] = ()
+    """surfaces that no foot and no palm may touch"""
     full_soles: bool = False
     """every sole rests whole; without this it may rest on planks, bars, an edge or a stone smaller than itself"""
     no_reserve: bool = False
@@ -288,6 +290,7 @@ def _options(arguments: Arguments, interrupted: _Flag, telling: _Telling) -> Pla
         expansions=arguments.expansions,
         library=arguments.library,
         use_palms=not arguments.no_palms,
+        avoid=arguments.avoid,
         full_soles=arguments.full_soles,
         heuristic=arguments.heuristic,
         guide=arguments.guide,

@@ -6,221 +6,46 @@ W is the world. Everything is copied in, checked once and read-only from then on
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from scenes.contact import Contact, contact_heading, patch_corners, require_support
+from drakeplan.plan.arrays import (
+    SAME_TIME,
+    Shape,
+    freeze,
+    last_before,
+    read_only,
+    require_contact_table,
+    require_indices,
+)
+from drakeplan.plan.contacts import PlanContacts as PlanContacts
+from drakeplan.plan.contacts import tabulate_stances as tabulate_stances
+from drakeplan.plan.robustness import PlanRobustness as PlanRobustness
+from drakeplan.plan.state import PlanState
+from drakeplan.plan.trajectories import PlanCentroidal as PlanCentroidal
+from drakeplan.plan.trajectories import PlanMotion as PlanMotion
+from drakeplan.plan.trajectories import PlanPhases as PlanPhases
+from scenes.contact import Contact, contact_heading, patch_corners
 from scenes.effector import EFFECTORS, is_foot
+from scenes.input_error import InputError
+from scenes.scene import Scene
 from scenes.stance import Stance
 
 COMPLETE, CONTACTS_ONLY = "complete", "contacts"  # the two values of a plan's status
+CHANGED = "changed_contacts"  # key of a plan's provenance: contacts that were changed after it was planned
 
 
-@dataclass(frozen=True, eq=False)
-class PlanContacts:
-    """Every contact that any stance of the plan holds, one row each.
-
-    Attributes:
-        X_WC: (C, 4, 4) pose of the contact frame in W [m].
-        effector: (C,) index into the plan's effectors.
-        surface: (C,) index into the surfaces of the plan's scene.
-        friction: (C,) Coulomb coefficient there [-].
-        support: (C, V, 2) corners of what of the patch rests on something, convex, counter-clockwise in the contact frame
-            [m], padded with NaN; a row without numbers is the whole patch, and so are all rows where it is None.
-    """
-
-    X_WC: np.ndarray
-    effector: np.ndarray
-    surface: np.ndarray
-    friction: np.ndarray
-    support: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        _freeze(self, "contacts", floats={"X_WC": (None, 4, 4), "friction": (None,)}, indices={"effector", "surface"})
-        _same_length(self, "contacts", "X_WC", "effector", "surface", "friction")
-        support = np.full((len(self), 4, 2), np.nan) if self.support is None else np.array(self.support, float)
-        if support.ndim != 3 or support.shape[0] != len(self) or support.shape[2] != 2:
-            raise ValueError(f"contacts/support must be {len(self)} x any x 2, got shape {support.shape}")
-        for corners in support:
-            filled = int(np.isfinite(corners).all(axis=1).sum())
-            if not np.isnan(corners[filled:]).all():
-                raise ValueError("contacts/support holds a number that is not finite")
-            if filled:
-                require_support(corners[:filled])
-        support.setflags(write=False)
-        object.__setattr__(self, "support", support)
-
-    def __len__(self) -> int:
-        return len(self.effector)
-
-    def corners(self, index: int) -> np.ndarray:
-        """(n, 2) corners of one contact's support in its frame [m]; none where the whole patch is meant."""
-        assert self.support is not None  # filled in where it was made
-        return self.support[index][np.isfinite(self.support[index, :, 0])]
-
-    def with_whole_patches(self, half_extent: np.ndarray) -> PlanContacts:
-        """The same contacts with the corners of the patch in the rows that have none.
-
-        Args:
-            half_extent: (E, 2) half extents of each end effector's patch [m].
-        """
-        whole = patch_corners(half_extent)[self.effector].reshape(-1, 4, 2)
-        rows = [c if len(c) else w for c, w in zip(map(self.corners, range(len(self))), whole, strict=True)]
-        most = max((len(row) for row in rows), default=4)
-        support = np.full((len(rows), most, 2), np.nan)
-        for k, row in enumerate(rows):
-            support[k, : len(row)] = row
-        return replace(self, support=support)
-
-
-@dataclass(frozen=True, eq=False)
-class PlanPhases:
-    """Stretches of time in which the set of contacts that may carry load is constant.
-
-    Attributes:
-        start: (P,) [s].
-        end: (P,) [s], each the start of the next phase.
-        contact: (P, E) index into the plan's contacts, -1 where the end effector is free.
-    """
-
-    start: np.ndarray
-    end: np.ndarray
-    contact: np.ndarray
-
-    def __post_init__(self) -> None:
-        _freeze(self, "phases", floats={"start": (None,), "end": (None,)}, indices={"contact"})
-        _same_length(self, "phases", "start", "end", "contact")
-
-    def __len__(self) -> int:
-        return len(self.start)
-
-
-@dataclass(frozen=True, eq=False)
-class PlanCentroidal:
-    """Momentum and contact forces. Row n of the forces acts over [t_n, t_n+1):
-
-        l[n+1]   = l[n] + dt (sum_e f_e[n] + M g)
-        com[n+1] = com[n] + dt l[n+1] / M
-        k[n+1]   = k[n] + dt sum_e ((p_cop_e[n] - com[n+1]) x f_e[n] + torque_n_e[n] n_e)
-
-    The last row of contact, force_W, cop_C and torque_n repeats the one before.
-
-    Attributes:
-        t: (N,) [s].
-        com: (N, 3) centre of mass in W [m].
-        linear_momentum: (N, 3) l in W [kg m/s].
-        angular_momentum: (N, 3) k about the centre of mass, in W [kg m^2/s].
-        contact: (N, E) index into the plan's contacts, -1 where the end effector carries nothing.
-        force_W: (N, E, 3) force on the robot in W [N].
-        cop_C: (N, E, 2) centre of pressure in the contact frame [m].
-        torque_n: (N, E) torque on the robot about the contact normal at the centre of pressure [N m].
-    """
-
-    t: np.ndarray
-    com: np.ndarray
-    linear_momentum: np.ndarray
-    angular_momentum: np.ndarray
-    contact: np.ndarray
-    force_W: np.ndarray
-    cop_C: np.ndarray
-    torque_n: np.ndarray
-
-    def __post_init__(self) -> None:
-        three = (None, 3)
-        floats: dict[str, Shape] = {"t": (None,), "com": three, "linear_momentum": three, "angular_momentum": three}
-        floats |= {"force_W": (None, None, 3), "cop_C": (None, None, 2), "torque_n": (None, None)}
-        _freeze(self, "centroidal", floats=floats, indices={"contact"})
-        _same_length(self, "centroidal", *floats, "contact")
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-@dataclass(frozen=True, eq=False)
-class PlanMotion:
-    """Whole-body configurations of the plant that `Parser().AddModels(robot_model)` alone gives.
-
-    Attributes:
-        t: (T,) [s].
-        q: (T, nq) positions: base quaternion (w, x, y, z), base position [m], joints [rad].
-        v: (T, nv) velocities: base angular [rad/s] and linear [m/s] in W, joints [rad/s].
-        position_names: (nq,) as `MultibodyPlant.GetPositionNames` gives them.
-        velocity_names: (nv,) as `MultibodyPlant.GetVelocityNames` gives them.
-        tau: (T, A) torques of the actuators [N m]: inverse dynamics of q, v and the change of v to the next frame, under
-            the planned contact forces. Row i acts over [t_i, t_i+1), the last repeats the one before. None in files of
-            earlier releases.
-        actuator_names: (A,) in the plant's order of actuators; () without `tau`.
-    """
-
-    t: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    position_names: tuple[str, ...]
-    velocity_names: tuple[str, ...]
-    tau: np.ndarray | None = None
-    actuator_names: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "position_names", tuple(self.position_names))
-        object.__setattr__(self, "velocity_names", tuple(self.velocity_names))
-        object.__setattr__(self, "actuator_names", tuple(self.actuator_names))
-        widths: dict[str, Shape] = {"q": (None, len(self.position_names)), "v": (None, len(self.velocity_names))}
-        if self.tau is not None:
-            widths["tau"] = (None, len(self.actuator_names))
-        _freeze(self, "motion", floats={"t": (None,), **widths}, indices=set())
-        _same_length(self, "motion", "t", *widths)
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-@dataclass(frozen=True, eq=False)
-class PlanRobustness:
-    """What pushes do to the plan: each of D impulses at each of R moments, by the exact kino-dynamic question.
-
-    Attributes:
-        t: (R,) moments [s].
-        impulse: (D, 3) in W [kg m/s].
-        probability: (R, D) that the impulse happens within 0.1 s there [-].
-        captured: (R, D) 0 the robot falls, 1 it stands with what it holds, 2 with one new contact; -1 not tried.
-        capture_point: (R, D, 3) where the new contact is made, in W [m]; 0 where none is.
-        effector: (R, D) index of the end effector that makes it, -1 for none.
-        p_success: probability that no push fells the robot on the way (Lin 2020 eq. 7.6).
-        method: how it was found, as JSON.
-    """
-
-    t: np.ndarray
-    impulse: np.ndarray
-    probability: np.ndarray
-    captured: np.ndarray
-    capture_point: np.ndarray
-    effector: np.ndarray
-    p_success: float
-    method: str
-
-    def __post_init__(self) -> None:
-        shape = len(np.atleast_1d(self.t)), len(np.atleast_2d(self.impulse))
-        floats: dict[str, Shape] = {
-            "t": (None,),
-            "impulse": (None, 3),
-            "probability": shape,
-            "capture_point": (*shape, 3),
-        }
-        _freeze(self, "robustness", floats=floats, indices={"captured", "effector"})
-        for name in ("captured", "effector"):
-            if getattr(self, name).shape != shape:
-                raise ValueError(f"robustness/{name} must be {shape[0]} x {shape[1]}, got {getattr(self, name).shape}")
-        if self.captured.size and not (self.captured.min() >= -1 and self.captured.max() <= 2):
-            raise ValueError("robustness/captured: expected -1, 0, 1 or 2")
-        if not 0.0 <= self.p_success <= 1.0:
-            raise ValueError(f"robustness: p_success must lie in [0, 1], got {self.p_success}")
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
     """A crossing: contacts in order, and for a complete plan the dynamics and the motion that go with them.
+
+    A complete plan also gives arrays that all have one row for each of the T frames of its motion: `t`, `q`, `v`, `tau`, `com`
+    and `forces`, with `joint_names` and `actuator_names`; `at` gives any moment between two frames. A plan of contacts alone
+    raises an InputError where it is asked for them.
 
     Attributes:
         robot: name of the robot.
@@ -267,19 +92,19 @@ class Plan:
         object.__setattr__(self, "effectors", tuple(self.effectors))
         num_effectors = len(self.effectors)
         floats: dict[str, Shape] = {"triangles": (None, 3, 3), "half_extent": (num_effectors, 2)}
-        _freeze(self, "plan", floats=floats, indices={"stances"})
+        freeze(self, "plan", floats=floats, indices={"stances"})
         if not np.isfinite(self.mass) or self.mass <= 0:
             raise ValueError(f"mass must be a positive number, got {self.mass}")
         parts = (self.phases, self.centroidal, self.motion)
         if any(part is None for part in parts) and any(part is not None for part in parts):
             raise ValueError("phases, centroidal and motion come together or not at all")
-        _check_indices("contacts/effector", self.contacts.effector, 0, num_effectors)
-        _check_indices("contacts/surface", self.contacts.surface, 0, None)
+        require_indices("contacts/effector", self.contacts.effector, 0, num_effectors)
+        require_indices("contacts/surface", self.contacts.surface, 0, None)
         object.__setattr__(self, "contacts", self.contacts.with_whole_patches(self.half_extent))
-        _check_contact_table("stances/contact", self.stances, num_effectors, len(self.contacts))
+        require_contact_table("stances/contact", self.stances, num_effectors, len(self.contacts))
         if self.phases is not None and self.centroidal is not None:
-            _check_contact_table("phases/contact", self.phases.contact, num_effectors, len(self.contacts))
-            _check_contact_table("centroidal/contact", self.centroidal.contact, num_effectors, len(self.contacts))
+            require_contact_table("phases/contact", self.phases.contact, num_effectors, len(self.contacts))
+            require_contact_table("centroidal/contact", self.centroidal.contact, num_effectors, len(self.contacts))
             if self.centroidal.force_W.shape[1] != num_effectors:
                 raise ValueError(f"centroidal/force_W must have {num_effectors} end effectors")
 
@@ -292,6 +117,99 @@ class Plan:
     def duration(self) -> float:
         """Length of the motion [s], 0 without one."""
         return 0.0 if self.motion is None or not len(self.motion) else float(self.motion.t[-1] - self.motion.t[0])
+
+    def __repr__(self) -> str:
+        return (
+            f"<Plan of {self.robot} on {self.scene_name}: {self.status}, {len(self.contacts)} contacts, "
+            f"{len(self.stances)} stances, {self.duration:.1f} s>"
+        )
+
+    # Arrays, one row a frame ------------------------------------------------------------------------------------------
+
+    @property
+    def t(self) -> np.ndarray:
+        """(T,) times of the frames [s]."""
+        return self._motion("t").t
+
+    @property
+    def q(self) -> np.ndarray:
+        """(T, nq) positions: base quaternion (w, x, y, z), base position in W [m], then `joint_names` [rad]."""
+        return self._motion("q").q
+
+    @property
+    def v(self) -> np.ndarray:
+        """(T, nv) velocities: of the base, angular [rad/s] and linear [m/s] in W, then of `joint_names` [rad/s]."""
+        return self._motion("v").v
+
+    @property
+    def tau(self) -> np.ndarray:
+        """(T, A) torques of `actuator_names` [N m]; row i acts from frame i to the next.
+
+        Their order is not that of `joint_names`; `actuator_names` says which column is whose.
+        """
+        tau = self._motion("tau").tau
+        if tau is None:
+            raise InputError("tau: this plan has no torques: an earlier release wrote it; plan again")
+        return tau
+
+    @cached_property
+    def com(self) -> np.ndarray:
+        """(T, 3) centre of mass in W at the frames [m]; `centroidal` has it at its knots."""
+        return read_only(self._dynamics("com").com_at(self.t))
+
+    @cached_property
+    def forces(self) -> np.ndarray:
+        """(T, E, 3) contact force on the robot at each of `effectors`, in W [N]; row i acts from frame i on."""
+        return read_only(self._dynamics("forces").forces_at(self.t))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """(nq - 7,) names of the joints, in the order of q[:, 7:] and v[:, 6:]."""
+        return self._motion("joint_names").joint_names
+
+    @property
+    def actuator_names(self) -> tuple[str, ...]:
+        """(A,) names of the actuators, in the order of tau's columns."""
+        return self._motion("actuator_names").actuator_names
+
+    def at(self, t: float) -> PlanState:
+        """The plan at one moment.
+
+        Joints, velocities, centre of mass and momenta are linear between rows, the base turns at constant rate (slerp);
+        forces hold from one knot to the next, contacts through a phase.
+
+        Args:
+            t: time from the first frame to the last [s].
+
+        Raises:
+            InputError: the time lies outside, or the plan has no motion.
+        """
+        motion, dynamics, phases = self._motion("at"), self._dynamics("at"), self.phases
+        assert phases is not None  # it comes with the motion
+        first, last = float(motion.t[0]), float(motion.t[-1])
+        if not first - SAME_TIME <= t <= last + SAME_TIME:
+            raise InputError(f"at: expected a time within [{first:g}, {last:g}] s, got {t:g}")
+        t = min(max(float(t), first), last)
+        q, v = motion.at(t)
+        linear, angular = dynamics.momenta_at(t)
+        held = phases.contact[last_before(phases.start, t)]
+        return PlanState(t, q, v, dynamics.com_at(t), linear, angular, dynamics.forces_at(t), self._stance(held))
+
+    def frames(self, *bodies: str) -> dict[str, np.ndarray]:
+        """(T, 4, 4) pose X_WB of each body in W at the frames [m], by name; soles and palms are named like `effectors`.
+
+        Args:
+            *bodies: their names; none: all bodies of the robot.
+
+        Raises:
+            InputError: no such body, no motion, or the robot is not here.
+        """
+        from drakeplan.plan.body_poses import body_poses  # Drake, for whoever asks
+        from drakeplan.plan.robot_of_plan import RobotMark, find_robot
+
+        return body_poses(find_robot(RobotMark.of(self)), self._motion("frames").q, bodies)
+
+    # Contacts ---------------------------------------------------------------------------------------------------------
 
     def contact(self, index: int) -> Contact:
         """The contact in this row of the table, with the heading that its frame was made from."""
@@ -309,83 +227,66 @@ class Plan:
 
     def stance(self, index: int) -> Stance:
         """The stance in this row of `stances`."""
-        return Stance(tuple(self.contact(c) if c >= 0 else None for c in self.stances[index]))
+        return self._stance(self.stances[index])
 
     def contact_sequence(self) -> tuple[Stance, ...]:
         """All stances in order."""
         return tuple(self.stance(k) for k in range(len(self.stances)))
 
+    def scene(self) -> Scene:
+        """The scene as it was planned on: meshes turned into surfaces, the start, goal and friction that were used."""
+        from scenes.files.scene_file import scene_from_yaml  # pydantic, for whoever asks
 
-def tabulate_stances(stances: Sequence[Stance]) -> tuple[PlanContacts, np.ndarray]:
-    """The table of all contacts in `stances`, in order of appearance, and (S, E) indices into it.
+        return scene_from_yaml(self.scene_yaml, f"plan of {self.scene_name}", mesh_triangles=self.triangles)
 
-    A contact held through several stances gets one row; one that is broken and made again at the same place another.
-    """
-    rows: list[Contact] = []
-    indices = np.full((len(stances), len(EFFECTORS)), -1, dtype=np.int64)
-    for s, stance in enumerate(stances):
-        for e, contact in enumerate(stance.contacts):
-            if contact is None:
-                continue
-            before = indices[s - 1, e] if s else -1
-            if before >= 0 and rows[before] == contact:
-                indices[s, e] = before
-            else:
-                indices[s, e] = len(rows)
-                rows.append(contact)
-    support = np.full((len(rows), max((len(c.support) for c in rows if c.support is not None), default=4), 2), np.nan)
-    for k, contact in enumerate(rows):
-        if contact.support is not None:
-            support[k, : len(contact.support)] = contact.support
-    table = PlanContacts(
-        X_WC=np.array([c.X_WC for c in rows]).reshape(-1, 4, 4),
-        effector=np.array([EFFECTORS.index(c.effector) for c in rows], dtype=np.int64),
-        surface=np.array([c.surface for c in rows], dtype=np.int64),
-        friction=np.array([c.friction for c in rows], dtype=float),
-        support=support,
-    )
-    return table, indices
+    def with_contact(
+        self, index: int, X_WC: ArrayLike, *, surface: int | None = None, friction: float | None = None
+    ) -> Plan:
+        """The same plan with one contact elsewhere, to have it verified again.
 
+        Dynamics and motion are not remade: they still belong to the contact where it was, and the verifier says so. To
+        have them made for contacts that you have changed, give `contact_sequence()` of the new plan to
+        `drakeplan.plan_motion`. What pushes do to the plan (`robustness`) is left out.
 
-Shape = tuple[int | None, ...]  # None: any length
+        Args:
+            index: row of `contacts`.
+            X_WC: (4, 4) its pose in W [m]: z along the surface normal, x forward.
+            surface: index into the scene's surfaces; None: as before.
+            friction: Coulomb coefficient; None: as before.
 
+        Raises:
+            InputError: no such contact, or no pose.
+        """
+        if not 0 <= index < len(self.contacts):
+            raise InputError(f"with_contact: expected an index from 0 to {len(self.contacts) - 1}, got {index}")
+        pose = np.asarray(X_WC, float)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise InputError(f"with_contact: X_WC: expected a finite (4, 4) pose, got shape {pose.shape}")
+        X, surfaces, coefficients = (
+            np.array(a) for a in (self.contacts.X_WC, self.contacts.surface, self.contacts.friction)
+        )
+        X[index] = pose
+        surfaces[index] = surfaces[index] if surface is None else surface
+        coefficients[index] = coefficients[index] if friction is None else friction
+        before = self.provenance.get(CHANGED, ())
+        changed = sorted({index, *(before if isinstance(before, list | tuple) else ())})
+        return replace(
+            self,
+            contacts=replace(self.contacts, X_WC=X, surface=surfaces, friction=coefficients),
+            provenance={**self.provenance, CHANGED: changed},
+            robustness=None,
+        )
 
-def _freeze(record: object, name: str, *, floats: Mapping[str, Shape], indices: set[str]) -> None:
-    """Copies the named arrays in, read-only, after checking that they are finite numbers of the right shape."""
-    for key, shape in floats.items():
-        array = np.array(getattr(record, key), dtype=np.float64, order="C")
-        if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
-            expected = " x ".join("any" if n is None else str(n) for n in shape)
-            raise ValueError(f"{name}/{key} must be {expected}, got shape {array.shape}")
-        if not np.isfinite(array).all():
-            raise ValueError(f"{name}/{key} holds a number that is not finite")
-        array.setflags(write=False)
-        object.__setattr__(record, key, array)
-    for key in sorted(indices):
-        array = np.asarray(getattr(record, key))
-        if array.size and not np.issubdtype(array.dtype, np.integer):
-            raise ValueError(f"{name}/{key} must hold integers, got {array.dtype}")
-        array = np.array(array, dtype=np.int64, order="C")
-        array.setflags(write=False)
-        object.__setattr__(record, key, array)
+    def _stance(self, row: np.ndarray) -> Stance:
+        """The stance of these contacts by end effector."""
+        return Stance(tuple(self.contact(int(c)) if c >= 0 else None for c in row))
 
+    def _motion(self, asked: str) -> PlanMotion:
+        if self.motion is None or not len(self.motion):
+            raise InputError(f"{asked}: this plan has contacts alone, no motion (its status is {self.status!r})")
+        return self.motion
 
-def _same_length(record: object, name: str, first: str, *others: str) -> None:
-    length = len(getattr(record, first))
-    for key in others:
-        if len(getattr(record, key)) != length:
-            raise ValueError(f"{name}/{key} has {len(getattr(record, key))} rows, {name}/{first} {length}")
-
-
-def _check_indices(name: str, array: np.ndarray, lowest: int, count: int | None) -> None:
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be a list of indices, got shape {array.shape}")
-    if array.size and (array.min() < lowest or (count is not None and array.max() >= count)):
-        raise ValueError(f"{name} holds an index that names nothing")
-
-
-def _check_contact_table(name: str, table: np.ndarray, num_effectors: int, num_contacts: int) -> None:
-    if table.ndim != 2 or table.shape[1] != num_effectors:
-        raise ValueError(f"{name} must have {num_effectors} columns, got shape {table.shape}")
-    if table.size and (table.min() < -1 or table.max() >= num_contacts):
-        raise ValueError(f"{name} holds an index that names no contact")
+    def _dynamics(self, asked: str) -> PlanCentroidal:
+        self._motion(asked)
+        assert self.centroidal is not None  # it comes with the motion
+        return self.centroidal

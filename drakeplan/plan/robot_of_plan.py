@@ -6,14 +6,25 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import h5py
 
-from drakeplan.plan.plan import Plan
 from scenes.input_error import InputError
 from scenes.robots.robot import Robot, load_robot, robot_names
 
 ROBOT_FILE = "robot_file"  # key of a plan's provenance: the robot file that was given by path
+
+
+class Planned(Protocol):
+    """What of a plan names its robot."""
+
+    @property
+    def robot(self) -> str: ...
+    @property
+    def robot_model_sha256(self) -> str: ...
+    @property
+    def provenance(self) -> Mapping[str, object]: ...
 
 
 @dataclass(frozen=True)
@@ -31,7 +42,7 @@ class RobotMark:
     file: str = ""
 
     @classmethod
-    def of(cls, plan: Plan) -> RobotMark:
+    def of(cls, plan: Planned) -> RobotMark:
         """The mark of a plan in memory."""
         return cls(plan.robot, plan.robot_model_sha256, str(plan.provenance.get(ROBOT_FILE, "")))
 

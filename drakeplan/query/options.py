@@ -28,6 +28,7 @@ from optimization.convex import piqp_adapter
 from scenes.input_error import InputError, unknown_name
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.georeference import to_local
+from scenes.terrain.terrain import Terrain
 
 MOST_FRICTION = 10.0  # above this the programs lose accuracy, and no real material has it
 
@@ -77,6 +78,8 @@ class PlanOptions:
         simulate: whether a plan has to be played in physics too before it counts: one that falls is refused like one that
             the verifier refuses.
         explain: whether a sequence whose dynamics are infeasible is asked what would make them feasible.
+        avoid: names of surfaces that no sole and no palm may touch; they are still in the way of the body. The plan's scene
+            says so, and the verifier holds the plan to it.
     """
 
     seed: int = 0
@@ -114,6 +117,7 @@ class PlanOptions:
     command: str = ""
     explain: bool = False
     simulate: bool = False
+    avoid: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cone", FrictionCone(self.cone))  # a name is taken too
@@ -135,14 +139,14 @@ def walking_feet(options: PlanOptions) -> PlanOptions:
 
 
 def with_options(scene: Scene, options: PlanOptions) -> Scene:
-    """The scene with the start, goal and friction that the options ask for.
+    """The scene with the start, goal and friction that the options ask for, without contacts on what they avoid.
 
     Args:
         scene: as loaded.
         options: whose start, goal, their heights, goal radius and friction replace the scene's.
 
     Raises:
-        InputError: a height for a start that is given as a stance.
+        InputError: a height for a start that is given as a stance, or an avoided surface that the scene does not have.
     """
     start, goal, terrain = scene.start, scene.goal, scene.terrain
     if options.start is not None:
@@ -165,7 +169,20 @@ def with_options(scene: Scene, options: PlanOptions) -> Scene:
     if options.friction is not None:
         surfaces = tuple(dataclasses.replace(s, friction=options.friction) for s in terrain.surfaces)
         terrain = dataclasses.replace(terrain, surfaces=surfaces)
+    if options.avoid:
+        terrain = _without_contacts(terrain, options.avoid)
     return dataclasses.replace(scene, start=start, goal=goal, terrain=terrain)
+
+
+def _without_contacts(terrain: Terrain, names: tuple[str, ...]) -> Terrain:
+    """The terrain with surfaces of these names that nothing may touch."""
+    known = {surface.name for surface in terrain.surfaces}
+    for name in names:
+        if name not in known:
+            raise unknown_name("surface", name, known)
+    nobody: frozenset[str] = frozenset()
+    surfaces = (dataclasses.replace(s, effectors=nobody) if s.name in names else s for s in terrain.surfaces)
+    return dataclasses.replace(terrain, surfaces=tuple(surfaces))
 
 
 def check_options(options: PlanOptions) -> None:
@@ -209,6 +226,8 @@ def check_options(options: PlanOptions) -> None:
             raise InputError(f"--{key.replace('_', '-')}: expected a finite number, got {value}")
     if options.friction is not None and not 0.0 < options.friction <= MOST_FRICTION:
         raise InputError(f"--friction: expected more than 0, at most {MOST_FRICTION:g}, got {options.friction:g}")
+    if isinstance(options.avoid, str):
+        raise InputError(f"avoid: expected names of surfaces in a tuple, got the text {options.avoid!r}")
     for key in ("start", "goal"):
         value = getattr(options, key)
         if value is not None and not (len(value) in (2, 3) and np.isfinite(value).all()):

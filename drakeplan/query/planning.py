@@ -7,10 +7,12 @@ import time
 
 from drakeplan.deadline import compile_clock
 from drakeplan.progress import Progress, ProgressEvent
+from drakeplan.query.inputs import AnyRobot, AnyScene, as_robot, as_scene
 from drakeplan.query.one_planner import plan_with_one
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.parallel import plan_in_parallel
 from drakeplan.query.result import PlanResult
+from drakeplan.query.watching import Watcher, watched
 from scenes.robots.robot import Robot
 from scenes.scene import Scene
 
@@ -18,25 +20,53 @@ ADAPT_SHARE = 0.5  # of the deadline for adapting stored plans, before the searc
 
 
 def plan_scene(
-    scene: Scene, robot: Robot, options: PlanOptions | None = None, progress: Progress | None = None
+    scene: AnyScene,
+    robot: AnyRobot | None = None,
+    options: PlanOptions | None = None,
+    progress: Watcher = None,
 ) -> PlanResult:
     """Plans a crossing and has it verified.
 
+    The first call on a machine compiles for some minutes before its deadline begins to count.
+
     Args:
-        scene: terrain, start and goal.
-        robot: who crosses.
+        scene: terrain, start and goal: a `Scene`, a name (`list_scenes()`), a scene file, `hpp/<mesh>` or a mesh file.
+            A named scene that draws something does so with the seed of the options.
+        robot: who crosses: a `Robot`, a name (`robot_names()`) or a YAML file; None: the scene's, else escher.
         options: see `PlanOptions`.
-        progress: called with events while it runs.
+        progress: called with a `ProgressEvent` whenever there is news; True: lines on standard error; False: silence;
+            None: lines where standard error is a terminal, or in a notebook.
+
+    Returns:
+        Its `status` is "complete" where `plan` holds by the verifier; else `reason` says in one line why not.
 
     Raises:
-        InputError: bad options, a robot that does not stand as it is described, a start or goal off the terrain.
+        InputError: no such scene or robot, bad options, a robot that does not stand as it is described, a start or goal off
+            the terrain.
     """
-    options, tell = options or PlanOptions(), progress or (lambda event: None)
+    options, began = options or PlanOptions(), time.perf_counter()
+    terrain = as_scene(scene, options.seed)
+    who = as_robot(robot, terrain)
+    if terrain is not scene:  # the deadline holds while it is read
+        options = dataclasses.replace(options, used=options.used + time.perf_counter() - began)
+    with watched(progress) as tell:
+        result = _answer(terrain, who, options, tell)
+    return result if terrain is scene else _with_notes_of(terrain, result)
+
+
+def _answer(scene: Scene, robot: Robot, options: PlanOptions, tell: Progress) -> PlanResult:
+    """What the planner of the options answers."""
     if options.planner == "parallel":
         return plan_in_parallel(scene, robot, options, tell)
     if options.planner == "adapt" and options.search_too:
         return _adapt_then_search(scene, robot, options, tell)
     return plan_with_one(scene, robot, options, tell)
+
+
+def _with_notes_of(scene: Scene, result: PlanResult) -> PlanResult:
+    """The result with what was changed while the scene was read, which nobody else has seen."""
+    notes = (*scene.notes, *result.notes)
+    return dataclasses.replace(result, notes=notes, report={**result.report, "notes": list(notes)})
 
 
 def _adapt_then_search(scene: Scene, robot: Robot, options: PlanOptions, tell: Progress) -> PlanResult:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from drakeplan.contact_planning.reachability import UNREACHABLE
@@ -31,11 +31,11 @@ class PlanResult:
 
     status: Status
     reason: str
-    plan: Plan | None
-    report: dict[str, object]
-    verification: Report | None = None
+    plan: Plan | None = field(repr=False)
+    report: dict[str, object] = field(repr=False)
+    verification: Report | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
-    refusal: Refusal | None = None
+    refusal: Refusal | None = field(default=None, repr=False)
     explanation: Explanation | None = None
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 from pathlib import Path
 
 from scenes.input_error import InputError, unknown_name
@@ -15,7 +16,7 @@ HPP = "hpp/"
 SCENE_SUFFIXES = (".yaml", ".yml")
 
 
-def load_scene(source: str, *, seed: int = 0) -> Scene:
+def load_scene(source: str | os.PathLike[str], *, seed: int = 0) -> Scene:
     """The scene that `source` names.
 
     Args:
@@ -26,6 +27,7 @@ def load_scene(source: str, *, seed: int = 0) -> Scene:
     Raises:
         InputError: nothing goes by that name, or what does cannot be read.
     """
+    source = os.fspath(source)
     if source in NAMED_SCENES:
         return NAMED_SCENES[source](seed)
     if source.startswith(HPP):
