@@ -1,5 +1,6 @@
 # make plan    plans across a rubble corridor and across the DARPA rubble mesh, verifies both and writes playback pages
 # make test    compiles all kernels, then runs the tests (no torch), two at a time (JOBS=2);  make test-train  installs torch and runs what is marked train
+# make docs    builds the documentation site into build/site (NOTEBOOKS=1 runs the tutorials first);  make gallery  its pages;  make figures  its figures
 # make lint    ruff and pyright;  make bench  the tables of docs/benchmarks.md;  make clean  forgets the environment
 # Every target makes .venv when it is missing. PYTHON picks the interpreter (3.11 or newer).
 
@@ -12,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export DRAKE_DEPRECATION_RUNTIME_SEVERITY ?= error
 
-.PHONY: plan test test-train lint bench picture clean
+.PHONY: plan test test-train lint bench picture docs notebooks gallery figures clean
 
 plan: .venv/.plan
 	@mkdir -p $(OUT)
@@ -37,6 +38,21 @@ bench: .venv/.dev
 picture: .venv/.dev
 	$(BIN)/python docs/make_picture.py
 
+docs: .venv/.dev $(if $(NOTEBOOKS),notebooks)
+	$(BIN)/python docs/make_gallery.py --first
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+notebooks: $(patsubst tutorials/%,build/notebooks/%,$(wildcard tutorials/*.ipynb))
+
+build/notebooks/%.ipynb: tutorials/%.ipynb | .venv/.train
+	$(BIN)/python -m nbconvert --to notebook --execute --output-dir $(@D) $<
+
+gallery: .venv/.dev
+	$(BIN)/python docs/make_gallery.py
+
+figures: .venv/.dev
+	$(BIN)/python docs/make_figures.py
+
 clean:
 	rm -rf .venv out .pytest_cache .ruff_cache build *.egg-info
 	find . -name "*.nb[ic]" -delete
@@ -54,9 +70,9 @@ clean:
 	@touch $@
 
 .venv/.dev: .venv/.plan
-	$(PIP) -e '.[fast,robots,mip,cluster,peers,dev]'
+	$(PIP) -e '.[fast,robots,mip,cluster,peers,export,dev,docs]'
 	@touch $@
 
 .venv/.train: .venv/.dev
-	$(PIP) -e '.[fast,robots,mip,cluster,peers,dev,train]'
+	$(PIP) -e '.[fast,robots,mip,cluster,peers,export,dev,docs,train]'
 	@touch $@

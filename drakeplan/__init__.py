@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from drakeplan.experience.library import Library
     from drakeplan.experience.shipped import library_folder
     from drakeplan.experience.stored_plan import store_plan
+    from drakeplan.export import export_plan
     from drakeplan.plan.plan import Plan
     from drakeplan.plan.plan_file import inspect_plan, read_plan, write_plan
     from drakeplan.plan.state import PlanState
@@ -81,6 +82,7 @@ __all__ = [
     "Terrain",
     "Timing",
     "deform",
+    "export_plan",
     "inspect_plan",
     "library_folder",
     "list_scenes",
@@ -108,6 +110,7 @@ _HOMES = {
     "drakeplan.experience.library": ("Library",),
     "drakeplan.experience.shipped": ("library_folder",),
     "drakeplan.experience.stored_plan": ("store_plan",),
+    "drakeplan.export": ("export_plan",),
     "drakeplan.plan.plan": ("Plan",),
     "drakeplan.plan.plan_file": ("inspect_plan", "read_plan", "write_plan"),
     "drakeplan.plan.state": ("PlanState",),

@@ -16,7 +16,7 @@ from drakeplan.cli import COMMANDS, main
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
     *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md")),
-    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+    *sorted(path for path in (ROOT / "docs").rglob("*.md") if path.name != "benchmarks.md"),
 ]
 NOTEBOOKS = sorted((ROOT / "tutorials").glob("*.ipynb"))
 PACKAGES = ("scenes", "optimization", "learning", "drakeplan")
@@ -77,7 +77,9 @@ def broken_links(text: str, folder: Path) -> list[str]:
 def unknown_commands(text: str) -> list[str]:
     """Commands and benchmarks in code that drakeplan does not have; NAME and the like stand for any."""
     code = " ".join(re.findall(r"```.*?```|`[^`]+`", text, flags=re.DOTALL))
-    commands = [name for name in re.findall(r"\bdrakeplan ([a-z][a-z_0-9]*)", code) if name not in COMMANDS]
+    commands = [
+        name for name in re.findall(r"\bdrakeplan ([a-z](?:[a-z_0-9-]*[a-z0-9])?)", code) if name not in COMMANDS
+    ]
     benches = [name for name in re.findall(r"\bdrakeplan bench ([a-z][a-z_0-9]*)", text) if name not in BENCHES]
     return commands + benches
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "verify": "check a plan file with code that shares nothing with the planner",
     "play": "show a plan in the browser, or write it as one HTML page",
     "simulate": "play a plan in physics, and say whether the robot arrives",
+    "export": "write a plan in another tool's format: tables, MuJoCo, Crocoddyl, ROS 2, Foxglove and others",
     "robustness": "push a plan at every moment, and say how likely it is to arrive",
     "scenes": "list, show and export terrains",
     "robots": "list robots, or print the model file of one",

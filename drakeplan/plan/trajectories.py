@@ -133,7 +133,7 @@ class PlanMotion:
         """
         model = os.path.commonprefix(list(self.position_names)).rpartition("_")[0]  # noqa: RUF071 (letters, no paths)
         prefix = f"{model}_" if model else ""
-        return tuple(name.removeprefix(prefix).removesuffix("_q") for name in self.position_names[BASE_POSITIONS:])
+        return tuple(name.removeprefix(prefix).rpartition("_")[0] for name in self.position_names[BASE_POSITIONS:])
 
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray]:
         """(nq,) positions and (nv,) velocities at time t [s] between the first and the last frame.

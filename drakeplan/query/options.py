@@ -57,7 +57,8 @@ class PlanOptions:
         guide: see `PlannerOptions.guide`.
         transition_model: name of the foot transition model, None for the scene's or the usual one.
         deadline: of the whole query, motion and verification included; kernels that compile first do not count.
-        improve: the search stops this long after the first plan; without effect when `expansions` is given.
+        improve: the search stops this many seconds after the first plan; without effect when `expansions` is given. None: after
+            150 more nodes, or 0.15 of the deadline, so that the same seed gives the same plan (other planners: after 1 s).
         expansions: nodes expanded at most; unlike times it makes runs repeatable.
         use_palms: whether palms may be used.
         lean_on: see `PlannerOptions.lean_on`.
@@ -103,7 +104,7 @@ class PlanOptions:
     reserve: Reserve = USUAL
     footholds: FootholdsName = "snapped"
     deadline: float = 30.0
-    improve: float = 1.0
+    improve: float | None = None
     expansions: int | None = None
     capture: CaptureName = "none"
     odds: OddsName = "motions"

@@ -42,6 +42,11 @@ if TYPE_CHECKING:
 WORTH_VERIFYING = 1.3
 MAX_BLOCKED = 40  # refusals of swings that have no way past the terrain: they cost nothing and are no repairs
 Rest = Literal["first", "only", "never"]
+IMPROVE = 1.0  # [s] after the first plan, of planners that cannot count their work
+IMPROVE_EXPANSIONS, MOST_IMPROVE = (
+    150,
+    0.15,
+)  # nodes after the first plan, and the share of the deadline that they may take
 STATIC_SHARE = 0.5  # of the time for searching after which a search that also asks for static balance gives up
 
 
@@ -164,10 +169,14 @@ class Query:
 
     def _incumbents(self, until: float) -> list[ContactPlan]:
         """The sequences of one round of search, best last; it ends where the record has so many seconds of search."""
+        left, share = (max(seconds, 0.0) for seconds in (self.context.deadline.left(), until - self.record.planning_s))
+        counts = self._counts_improvement
         limits = Limits(
-            deadline=max(min(until - self.record.planning_s, self.context.deadline.left()), 0.0),
+            deadline=left if counts else min(left, share),
+            first_within=share if counts else None,
             expansions=self.options.expansions,
             improve=self._improve_for(),
+            improve_expansions=IMPROVE_EXPANSIONS if counts else None,
             stop=self.options.stop,
         )
         self._rounds += 1
@@ -196,9 +205,21 @@ class Query:
         """
         if self.options.expansions is not None:
             return None
+        improve = IMPROVE if self.options.improve is None else self.options.improve
         if not self._rounds:
-            return self.options.improve
-        return 0.0 if self.options.capture == "none" else self.options.improve / 2.0
+            return MOST_IMPROVE * self.options.deadline if self._counts_improvement else improve
+        return 0.0 if self.options.capture == "none" else improve / 2.0
+
+    @property
+    def _counts_improvement(self) -> bool:
+        """Whether nodes, not seconds, end the improvement, so that the same seed gives the same plan.
+
+        Then the query's share of time is for the first plan alone: how far the improvement got by its end would depend on the
+        machine. The seconds that remain are a bound for slow ones.
+        """
+        options = self.options
+        default = options.improve is None and options.expansions is None and options.capture == "none"
+        return default and options.planner == "search"
 
     # 2 Dynamics of the whole sequence --------------------------------------------------------------------------------
 

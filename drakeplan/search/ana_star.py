@@ -72,8 +72,10 @@ class Limits:
 
     Attributes:
         deadline: seconds from the start of the search.
+        first_within: seconds from the start of the search in which the first solution has to come.
         expansions: nodes expanded; unlike a deadline it makes runs repeatable.
         improve: seconds after the first solution.
+        improve_expansions: nodes expanded after the first solution.
         stop: polled before every pop; True stops the search (cancellation).
     """
 
@@ -81,6 +83,8 @@ class Limits:
     expansions: int | None = None
     improve: float | None = None
     stop: Callable[[], bool] | None = None
+    first_within: float | None = None
+    improve_expansions: int | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,8 @@ class AnaStar(Generic[State]):
         limits: when to stop.
         expansions: nodes expanded so far.
         rejected: edges that `confirm` turned down so far.
-        ended_by: "exhausted", "deadline", "expansions", "improve", "cancelled" or "" while it runs.
+        ended_by: "exhausted", "deadline", "expansions", "improve" (its seconds), "improved" (its nodes), "cancelled" or ""
+            while it runs.
         best_cost: G, of the best path so far.
         clock: seconds; a caller that works between two paths may pass one that it can stop.
         heuristic_weight: weight of the heuristic against the cost so far until there is a first path; by default that cost does
@@ -165,6 +170,7 @@ class AnaStar(Generic[State]):
         self._others: dict[State, list[_Node[State]]] = {}  # dearer ones, in case confirm turns the cheapest down
         self._began = 0.0
         self._first_at: float | None = None
+        self._first_expansions = 0
 
     @property
     def bound(self) -> float:
@@ -192,7 +198,7 @@ class AnaStar(Generic[State]):
                 return
             self.best_cost = node.g
             if self._first_at is None:
-                self._first_at = self.clock()
+                self._first_at, self._first_expansions = self.clock(), self.expansions
             self._prune_and_rekey()
             yield Incumbent(_path(node), node.g, self.bound, self.expansions, self.clock() - self._began)
 
@@ -324,11 +330,23 @@ class AnaStar(Generic[State]):
             self.ended_by = "cancelled"
         else:
             now = self.clock()
-            if limits.deadline is not None and now - self._began >= limits.deadline:
+            late = limits.deadline if self._first_at is not None else _least(limits.deadline, limits.first_within)
+            if late is not None and now - self._began >= late:
                 self.ended_by = "deadline"
-            elif limits.improve is not None and self._first_at is not None and now - self._first_at >= limits.improve:
-                self.ended_by = "improve"
+            elif self._first_at is not None:
+                if limits.improve is not None and now - self._first_at >= limits.improve:
+                    self.ended_by = "improve"
+                elif _reached(self.expansions - self._first_expansions, limits.improve_expansions):
+                    self.ended_by = "improved"
         return bool(self.ended_by)
+
+
+def _least(a: float | None, b: float | None) -> float | None:
+    return min((v for v in (a, b) if v is not None), default=None)
+
+
+def _reached(count: int, limit: int | None) -> bool:
+    return limit is not None and count >= limit
 
 
 def _path(node: _Node[State]) -> tuple[State, ...]:
