@@ -147,10 +147,21 @@ def weights_name(times: tuple[float, float] = DOCUMENTED_TIMES) -> str:
     return "dynamics" if times == DOCUMENTED_TIMES else "dynamics_{:g}_{:g}".format(*times)
 
 
+def weights_folder(robot: Robot) -> Path:
+    """Where a robot's weights are looked for: beside the user's own robot file, else among those that come with drakeplan."""
+    own = own_weights_folder(robot)
+    return own if own is not None and own.is_dir() else PRETRAINED / robot.name
+
+
+def own_weights_folder(robot: Robot) -> Path | None:
+    """Where `drakeplan train` puts weights of a user's robot; None for a robot that comes with drakeplan."""
+    return robot.source.parent / f"{robot.name}_weights" if robot.given_by_path else None
+
+
 def load_surrogate(
     robot: str | Robot, folder: Path | None = None, times: tuple[float, float] = DOCUMENTED_TIMES
 ) -> DynamicsSurrogate:
-    """The surrogate of this robot's dynamics, by default the one that comes with drakeplan.
+    """The surrogate of this robot's dynamics, by default that beside its own robot file, or one that comes with drakeplan.
 
     Args:
         robot: its name, or itself.
@@ -162,7 +173,7 @@ def load_surrogate(
         WeightsError: they are damaged, of another version, or of another robot.
     """
     robot = load_robot(robot) if isinstance(robot, str) else robot
-    place = folder or PRETRAINED / robot.name
+    place = folder or weights_folder(robot)
     name = weights_name(times)
     files = [place / f"{name}.{ending}" for ending in ("json", "safetensors")]
     changed = tuple(file.stat().st_mtime_ns if file.is_file() else 0 for file in files)

@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from drakeplan.campaigns.capture import CaptureCampaign
     from drakeplan.campaigns.card import Card
     from drakeplan.campaigns.dynamics import DynamicsCampaign
+    from drakeplan.campaigns.motions import MotionsCampaign
     from drakeplan.campaigns.traversability import TraversabilityCampaign
 
 CAMPAIGNS = {
     "dynamics": "what the centroidal program says of contact transitions, in random tilted environments",
     "capture": "whether a pushed robot comes to rest, where it stands or with one new contact",
+    "motions": "verified whole-body motions on random terrain, with contacts and forces: data to train tracking policies with",
     "traversability": "from how many pairs of feet about a torso pose the search steps on, in such environments",
 }
 NAMES = "\n".join(f"  {name:<14}  {about}" for name, about in CAMPAIGNS.items())
@@ -32,6 +34,7 @@ dynamics: an environment gives up to 20 labels of each transition category, abou
 give 20 000 of each. With --shift 0.6 --swing 0.4 --feet-only they are those that planning against pushes walks by (--capture).
 capture: a task asks 32 questions of each capture motion in 8 s; 625 give 20 000 of each. traversability: an environment gives
 144 labels of each motion mode, in half a second with fixed footholds and in some seconds else; 140 give 20 000 of each.
+motions: a task is one query, of some seconds; seven kinds of terrain in turn. A task without a verified motion has a row that says why.
 
 campaigns:
 {NAMES}
@@ -42,6 +45,7 @@ examples:
   drakeplan collect dynamics --count 8500 --out labels --cluster tcp://head:8786
   drakeplan collect dynamics --count 700 --shift 0.6 --swing 0.4 --feet-only --out walking
   drakeplan collect capture --count 1600 --out captures --workers 2
+  drakeplan collect motions --robot g1 --count 1000 --out motions --workers 2
   drakeplan collect traversability --count 1500 --out footsteps --workers 2
   drakeplan collect traversability --count 1500 --footholds fixed --out documented"""
 
@@ -92,7 +96,14 @@ def run(arguments: Arguments) -> int:
 
     options = CollectOptions(arguments.count, arguments.seed)
     crew = Crew(arguments.workers, arguments.cluster, arguments.task_timeout)
-    card = collect_aloud(_campaign(arguments), arguments.out, options, crew, rows="labels", resume=arguments.resume)
+    card = collect_aloud(
+        _campaign(arguments),
+        arguments.out,
+        options,
+        crew,
+        rows="motions" if arguments.campaign == "motions" else "labels",
+        resume=arguments.resume,
+    )
     _report(card, arguments)
     return 0
 
@@ -115,10 +126,11 @@ def _check(arguments: Arguments) -> None:
 
 def _campaign(
     arguments: Arguments,
-) -> DynamicsCampaign | CaptureCampaign | TraversabilityCampaign | BracedWallCampaign:
+) -> DynamicsCampaign | CaptureCampaign | MotionsCampaign | TraversabilityCampaign | BracedWallCampaign:
     from drakeplan.campaigns.braced_wall import BracedWallCampaign
     from drakeplan.campaigns.capture import CaptureCampaign
     from drakeplan.campaigns.dynamics import DynamicsCampaign
+    from drakeplan.campaigns.motions import MotionsCampaign
     from drakeplan.campaigns.traversability import TraversabilityCampaign
     from drakeplan.timing.step_timing import Timing
     from scenes.robots.addresses import read_packages
@@ -134,6 +146,8 @@ def _campaign(
         )
     if arguments.campaign == "capture":
         return CaptureCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
+    if arguments.campaign == "motions":
+        return MotionsCampaign(robot=arguments.robot, friction=arguments.friction, packages=packages)
     if arguments.robot == "bracer":
         return BracedWallCampaign()
     return TraversabilityCampaign(
@@ -149,9 +163,14 @@ def _report(card: Card, arguments: Arguments) -> None:
 
         print_json({"status": "collected", "folder": arguments.out, **asdict(card)})
         return
-    from drakeplan.campaigns import capture, dynamics, traversability
+    from drakeplan.campaigns import capture, dynamics, motions, traversability
 
-    counts_text = {"dynamics": dynamics.counts_text, "capture": capture.counts_text}
+    counts_text = {
+        "dynamics": dynamics.counts_text,
+        "capture": capture.counts_text,
+        "motions": motions.counts_text,
+    }
     print(counts_text.get(arguments.campaign, traversability.counts_text)(card))
-    print(f"{card.rows} labels of {card.tasks} environments in {arguments.out}, {len(card.quarantined)} in quarantine")
+    what = "motions and refusals" if arguments.campaign == "motions" else "labels"
+    print(f"{card.rows} {what} of {card.tasks} environments in {arguments.out}, {len(card.quarantined)} in quarantine")
     print(f"sha256 {card.sha256}")

@@ -37,6 +37,7 @@ examples:
   drakeplan train dynamics --data labels --out weights --kind documented --json
   drakeplan train dynamics --data labels --out curve --learning-curve --epochs 10
   drakeplan train dynamics --data walking --out weights --kind shared
+  drakeplan train dynamics --data labels --robot my_robot --kind shared
   drakeplan train capture --data captures --out weights
   drakeplan train traversability --data footsteps --out weights"""
 
@@ -53,7 +54,8 @@ class Arguments:
     data: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
     """folder of shards that `drakeplan collect` wrote"""
     out: Annotated[str, tyro.conf.arg(metavar="DIR")] = ""
-    """where weights, card, curves and report go"""
+    """where weights, card, curves and report go (dynamics of a robot that you added: by default beside its robot file, where
+    `plan` finds them)"""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME")] = "escher"
     """robot of the labels"""
     package: Packages = ()
@@ -82,6 +84,7 @@ def run(arguments: Arguments) -> int:
     """Trains, writes and prints the table of the held-out scenes."""
     if arguments.surrogate not in SURROGATES:
         raise unknown_name("surrogate", arguments.surrogate, SURROGATES)
+    arguments = _with_own_folder(arguments)
     for name in ("data", "out"):
         if not getattr(arguments, name):
             raise InputError(f"drakeplan train: --{name} is missing; see drakeplan train --help")
@@ -127,6 +130,18 @@ def run(arguments: Arguments) -> int:
     draw_training(Path(arguments.out))
     _show(trained, arguments.json)
     return 0
+
+
+def _with_own_folder(arguments: Arguments) -> Arguments:
+    """The arguments; where a user's robot learns its dynamics and no folder is named, the one where `plan` looks for them."""
+    from learning.surrogate import own_weights_folder
+    from scenes.robots.addresses import read_packages
+    from scenes.robots.robot import load_robot
+
+    if arguments.out or arguments.surrogate != "dynamics" or arguments.learning_curve:
+        return arguments
+    folder = own_weights_folder(load_robot(arguments.robot, read_packages(arguments.package)))
+    return arguments if folder is None else replace(arguments, out=str(folder))
 
 
 def _printer() -> Callable[[Progress], None]:
