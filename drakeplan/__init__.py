@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from drakeplan.query.options import PlanOptions
     from drakeplan.query.planning import plan_scene
     from drakeplan.query.result import PlanResult
+    from drakeplan.robot_setup.add import AddedRobot, add_robot
     from drakeplan.timing.step_timing import Timing
     from drakeplan.verifier import Report
     from scenes.contact import Contact
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from scenes.terrain.terrain import Terrain
 
 __all__ = [
+    "AddedRobot",
     "Contact",
     "DeformOptions",
     "DeformResult",
@@ -81,6 +83,7 @@ __all__ = [
     "Surface",
     "Terrain",
     "Timing",
+    "add_robot",
     "deform",
     "export_plan",
     "inspect_plan",
@@ -126,6 +129,7 @@ _HOMES = {
     "drakeplan.timing.step_timing": ("Timing",),
     "drakeplan.verifier": ("Report",),
     "scenes.contact": ("Contact",),
+    "drakeplan.robot_setup.add": ("AddedRobot", "add_robot"),
     "scenes.input_error": ("InputError",),
     "scenes.robots.robot": ("Robot", "load_robot", "robot_names"),
     "scenes.scene": ("Goal", "Scene", "Start"),

@@ -6,7 +6,7 @@ import drakeplan
 
 PAGES = {  # page -> modules whose names it has
     "planning": ("drakeplan.query", "drakeplan.timing", "drakeplan.progress"),
-    "scenes": ("scenes",),
+    "scenes": ("scenes", "drakeplan.robot_setup"),
     "plans": ("drakeplan.plan", "drakeplan.verifier", "drakeplan.playback", "drakeplan.export"),
     "experience": ("drakeplan.experience",),
     "physics": ("drakeplan.execution",),

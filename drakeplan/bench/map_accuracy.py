@@ -219,7 +219,7 @@ def by_normals(points: np.ndarray) -> list[Surface]:
     """Plain region growing: neighbours whose normals are nearly the same are of one plane."""
     points = points[np.random.default_rng(0).permutation(len(points))[:THINNED]]
     tree = KDTree(points)
-    near = tree.query(points, k=NEIGHBOURS)[1]
+    near = np.asarray(tree.query(points, k=NEIGHBOURS)[1])
     spread = points[near] - points[near].mean(axis=1, keepdims=True)
     normal = np.linalg.eigh(np.einsum("nki,nkj->nij", spread, spread))[1][:, :, 0]
     row, column = np.repeat(np.arange(len(points)), BESIDE), near[:, 1 : 1 + BESIDE].ravel()

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from drakeplan.bench.map_accuracy import accuracy_table
+from drakeplan.bench.map_imports import import_table
 from drakeplan.bench.table import BenchOptions, BenchTable
 
 COLUMNS = (
@@ -35,7 +37,12 @@ VERIFY_MEMORY = 1000.0  # [MB] that a verification may take
 FAR = 1.6  # [m] from start to goal
 
 
-def run(options: BenchOptions) -> BenchTable:
+def run(options: BenchOptions) -> tuple[BenchTable, ...]:
+    """How true imported clouds are, what importing costs, and what planning on large floors and fine maps costs."""
+    return accuracy_table(options), import_table(options), _plans(options)
+
+
+def _plans(options: BenchOptions) -> BenchTable:
     """Plans and verifies on floors of 4 to 400 m and on height maps of 16 800 to 10^6 triangles, each in processes of its own."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:

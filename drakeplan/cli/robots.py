@@ -85,19 +85,15 @@ def run(arguments: Arguments) -> int:
     packages = read_packages(arguments.package)
     if arguments.action == "check":
         return robots_add.check(arguments.robot, packages, arguments.picture, arguments.seed, arguments.json)
-    return robots_add.add(
-        arguments.robot,
-        packages,
-        robots_add.Wanted(
-            name=arguments.name,
-            out=arguments.out,
-            picture=arguments.picture,
-            links={e: link for e in EFFECTORS if (link := getattr(arguments, e)) is not None},
-            replace=arguments.replace,
-        ),
-        arguments.seed,
-        arguments.json,
-    )
+    wanted = {
+        "name": arguments.name,
+        "folder": arguments.out,
+        "picture": arguments.picture,
+        "links": {e: link for e in EFFECTORS if (link := getattr(arguments, e)) is not None},
+        "replace": arguments.replace,
+        "seed": arguments.seed,
+    }
+    return robots_add.add(arguments.robot, packages, wanted, arguments.json)
 
 
 def _check_options(arguments: Arguments) -> None:

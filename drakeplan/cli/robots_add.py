@@ -2,113 +2,50 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drakeplan.cli.robot_facts import robot_facts
 from scenes.effector import EFFECTORS
 from scenes.files.whole_file import require_writable
-from scenes.input_error import InputError
-from scenes.robots.robot import ROBOTS, load_robot, own_robots_folder
+from scenes.robots.robot import load_robot
 
 if TYPE_CHECKING:
     from drakeplan.robot_setup.description import Description
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """What a user may choose about a robot to add.
-
-    Attributes:
-        name: of the robot; None for the model file's.
-        out: folder of the robot file; None for the user's data folder.
-        picture: PNG file; None for one beside the robot file.
-        links: effector -> link, of those that the user names.
-        replace: whether a robot file that is there is replaced.
-    """
-
-    name: str | None
-    out: str | None
-    picture: str | None
-    links: Mapping[str, str]
-    replace: bool
-
-
-def add(model: str, packages: Mapping[str, Path], wanted: Wanted, seed: int, as_json: bool) -> int:
+def add(model: str, packages: Mapping[str, Path], wanted: Mapping[str, Any], as_json: bool) -> int:
     """Describes a model and writes its robot file.
 
     Args:
         model: path, or PACKAGE/FILE.
         packages: folders of package:// addresses by package name.
-        wanted: what the user chooses.
-        seed: of random postures.
+        wanted: further arguments of `drakeplan.robot_setup.add.add_robot`.
         as_json: whether one JSON object is printed.
     """
-    from drakeplan.robot_setup.model_source import find_model_source
-
-    found = find_model_source(model, packages)
-    name = _name(wanted, found.file)
-    folder = _folder(wanted, name)
-    file = folder / f"{name}.yaml"
-    picture = Path(wanted.picture) if wanted.picture is not None else folder / f"{name}.png"
-    require_writable(picture)
-    from drakeplan.robot_setup.describe import describe_robot
-    from drakeplan.robot_setup.pictures import write_pictures
-    from drakeplan.robot_setup.robot_file import write_robot_file
+    from drakeplan.robot_setup.add import add_robot
 
     began = time.perf_counter()
-    description = describe_robot(found, name, wanted.links, seed=seed, say=_say)
-    write_robot_file(description, file)
-    robot = load_robot(file, packages)
-    _say("draw")
-    write_pictures(robot, picture)
+    added = add_robot(model, packages=packages, say=_say, **wanted)
     if as_json:
         from drakeplan.cli.output import print_json
 
-        files = {"file": str(file), "picture": str(picture)}
+        files = {"file": str(added.file), "picture": str(added.picture)}
         seconds = round(time.perf_counter() - began, 2)
-        print_json({**robot_facts(robot), **files, "notes": description.notes, "seconds": seconds})
+        print_json({**robot_facts(added.robot), **files, "notes": added.description.notes, "seconds": seconds})
         return 0
-    _report(description)
-    by = name if wanted.out is None else str(file)
-    print(f"\nwritten      {file}\npicture      {picture}")
+    _report(added.description)
+    by = added.robot.name if wanted["folder"] is None else str(added.file)
+    print(f"\nwritten      {added.file}\npicture      {added.picture}")
     print(f"next         drakeplan robots check {by}\n             drakeplan plan stairs --robot {by}")
     return 0
 
 
 def _say(line: str) -> None:
     print(f"  {line} ...", file=sys.stderr)
-
-
-def _name(wanted: Wanted, model: Path) -> str:
-    name = wanted.name
-    if name is None:
-        name = re.sub(r"[^\w.+-]+", "_", model.stem).strip("_.") or "robot"
-    if not re.fullmatch(r"\w[\w .+-]{0,63}", name):
-        raise InputError(
-            f"--name {name}: expected letters, digits, spaces and . + - _, at most 64, the first a letter or digit"
-        )
-    if (ROBOTS / name / f"{name}.yaml").is_file() and wanted.out is None:
-        raise InputError(f"--name {name}: a robot of this name comes with drakeplan: choose another")
-    return name
-
-
-def _folder(wanted: Wanted, name: str) -> Path:
-    folder = Path(wanted.out).expanduser() if wanted.out is not None else own_robots_folder() / name
-    file = folder / f"{name}.yaml"
-    if file.exists() and not wanted.replace:
-        raise InputError(f"{file}: there is a robot of this name: add --replace, or choose another --name")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror}): choose a folder with --out DIR") from None
-    require_writable(file)
-    return folder
 
 
 def _report(d: Description) -> None:
