@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from drakeplan.verifier import Report
     from scenes.contact import Contact
     from scenes.files.scene_source import list_scenes, load_scene
+    from scenes.imports.built import ImportOptions
+    from scenes.imports.import_terrain import ImportedTerrain, import_terrain, write_terrain
     from scenes.input_error import InputError
     from scenes.robots.robot import Robot, load_robot, robot_names
     from scenes.scene import Goal, Scene, Start
@@ -67,6 +69,8 @@ __all__ = [
     "ExecutionOptions",
     "ExecutionReport",
     "Goal",
+    "ImportOptions",
+    "ImportedTerrain",
     "InputError",
     "Library",
     "Physics",
@@ -86,6 +90,7 @@ __all__ = [
     "add_robot",
     "deform",
     "export_plan",
+    "import_terrain",
     "inspect_plan",
     "library_folder",
     "list_scenes",
@@ -104,6 +109,7 @@ __all__ = [
     "verify",
     "write_page",
     "write_plan",
+    "write_terrain",
 ]
 
 _HOMES = {
@@ -130,6 +136,8 @@ _HOMES = {
     "drakeplan.verifier": ("Report",),
     "scenes.contact": ("Contact",),
     "drakeplan.robot_setup.add": ("AddedRobot", "add_robot"),
+    "scenes.imports.built": ("ImportOptions",),
+    "scenes.imports.import_terrain": ("ImportedTerrain", "import_terrain", "write_terrain"),
     "scenes.input_error": ("InputError",),
     "scenes.robots.robot": ("Robot", "load_robot", "robot_names"),
     "scenes.scene": ("Goal", "Scene", "Start"),
