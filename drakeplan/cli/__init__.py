@@ -24,7 +24,7 @@ COMMANDS = {
     "simulate": "play a plan in physics, and say whether the robot arrives",
     "export": "write a plan in another tool's format: tables, MuJoCo, Crocoddyl, ROS 2, Foxglove and others",
     "robustness": "push a plan at every moment, and say how likely it is to arrive",
-    "scenes": "list, show and export terrains",
+    "scenes": "list, show, import and export terrains",
     "robots": "list robots, or print the model file of one",
     "library": "build a library of plans that are adapted to new terrain, or look into one",
     "collect": "gather training data for surrogates, on this machine or a cluster",
