@@ -39,6 +39,7 @@ PRIVATE = (  # phrases that only their author understands
 )
 
 
+@cache
 def read(path: Path) -> str:
     """The text of a document; of a notebook, that of its markdown cells."""
     if path.suffix != ".ipynb":
@@ -58,14 +59,16 @@ def missing_paths(text: str) -> list[str]:
     for token in re.findall(r"`([^`\s]+)`", text):
         is_path = token.startswith(tuple(f"{folder}/" for folder in FOLDERS))
         is_name = "/" not in token and token.endswith(SUFFIXES) and token not in FORBIDDEN_FILES
-        found = (ROOT / token).exists() if is_path else not is_name or any(ROOT.glob(token)) or name_is_known(token)
+        found = (ROOT / token).exists() if is_path else not is_name or any(ROOT.glob(token)) or token in known_names()
         if not found:
             missing.append(token)
     return missing
 
 
-def name_is_known(name: str) -> bool:
-    return any(path.name == name for folder in FOLDERS for path in (ROOT / folder).rglob(f"*{Path(name).suffix}"))
+@cache
+def known_names() -> frozenset[str]:
+    """Names of all files and folders in FOLDERS."""
+    return frozenset(path.name for folder in FOLDERS for path in (ROOT / folder).rglob("*"))
 
 
 def broken_links(text: str, folder: Path) -> list[str]:

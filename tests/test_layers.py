@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,13 +16,24 @@ ALONE = ROOT / "drakeplan" / "verifier"  # imports relatively, so that its folde
 SOURCES = sorted(p for floor in FLOORS for p in (ROOT / floor).rglob("*.py"))
 
 
+@cache
+def imports_in(text: str) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """Every import of a source text, at any depth of nesting; a text is parsed once for all tests."""
+    return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom))
+
+
+def imports_of(path: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    return imports_in(path.read_text(encoding="utf-8"))
+
+
+@cache
 def imported(path: Path) -> set[str]:
-    """Every module that a file imports, at any depth of nesting."""
+    """Every module that a file imports."""
     modules = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in imports_of(path):
         if isinstance(node, ast.Import):
             modules |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             where = f"{path}:{node.lineno}"
             assert node.level == 0 or path.parent == ALONE, f"{where}: packages import each other by absolute name"
             assert node.level < 2, f"{where}: reaches out of its folder"
@@ -75,7 +87,7 @@ def import_edges(root: Path, sources: list[Path]) -> dict[Path, set[Path]]:
     A name that a package's `__init__` imports and hands on counts as an import of the file that defines it.
     """
     files = {".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path for path in sources}
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sources}
+    imports = {path: imports_of(path) for path in sources}
 
     def module_of(path: Path, node: ast.ImportFrom) -> str:
         package = path.relative_to(root).parent.parts[: None if node.level < 2 else 1 - node.level]
@@ -87,19 +99,19 @@ def import_edges(root: Path, sources: list[Path]) -> dict[Path, set[Path]]:
         path = files.get(module)
         if path is None or path.name != "__init__.py":
             return path
-        for node in ast.walk(trees[path]):
+        for node in imports[path]:
             if isinstance(node, ast.ImportFrom) and name in {alias.asname or alias.name for alias in node.names}:
                 given = next(alias.name for alias in node.names if (alias.asname or alias.name) == name)
                 return home(module_of(path, node), given)
         return path
 
     edges: dict[Path, set[Path]] = {}
-    for path, tree in trees.items():
+    for path, nodes in imports.items():
         reached: set[Path | None] = set()
-        for node in ast.walk(tree):
+        for node in nodes:
             if isinstance(node, ast.Import):
                 reached |= {files.get(alias.name) for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
+            else:
                 reached |= {home(module_of(path, node), alias.name) for alias in node.names}
         edges[path] = {other for other in reached if other is not None} - {path}
     return edges

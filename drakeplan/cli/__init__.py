@@ -25,7 +25,7 @@ COMMANDS = {
     "export": "write a plan in another tool's format: tables, MuJoCo, Crocoddyl, ROS 2, Foxglove and others",
     "robustness": "push a plan at every moment, and say how likely it is to arrive",
     "scenes": "list, show, import and export terrains",
-    "robots": "list robots, or print the model file of one",
+    "robots": "list robots, add your own from its model, or check what one can do",
     "library": "build a library of plans that are adapted to new terrain, or look into one",
     "collect": "gather training data for surrogates, on this machine or a cluster",
     "train": "train surrogates on gathered data",

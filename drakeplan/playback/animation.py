@@ -1,4 +1,4 @@
-"""Draws and animates what moves: the robot, the centre of mass, the contact forces; and what carries, while it does."""
+"""Animates what moves: the robot, the centre of mass, the contact forces; and shows what carries, while it does."""
 
 # pydrake's stubs take the first parameter of ndarray for its type, and reject every array.
 # pyright: reportArgumentType=false, reportCallIssue=false
@@ -8,153 +8,56 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.geometry import (
-    Cylinder,
-    Meshcat,
-    MeshcatAnimation,
-    MeshcatCone,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
-    Rgba,
-    Role,
-    Sphere,
-)
+from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, MeshcatCone, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import DiagramBuilder
 
 from drakeplan.plan.plan import Plan, PlanCentroidal
-from drakeplan.playback.keyframes import continuous_signs, thin_positions, thin_quaternions
+from drakeplan.playback.contact_timeline import ContactTimeline
+from drakeplan.playback.frame_times import FrameTimes
+from drakeplan.playback.keyframes import thin_positions
 from drakeplan.playback.push_rose import animate_pushes
-from drakeplan.playback.still import COM_COLOUR, ROOT
+from drakeplan.playback.robot_motion import POSITION_TOLERANCE, BodyPoses, animate_robot
+from drakeplan.playback.still import COM, COM_COLOUR, ROOT
 from drakeplan.playback.supports import animate_supports
 from scenes.gravity import GRAVITY
-from scenes.robots.drake_parser import add_model
-from scenes.robots.robot import Robot
 
-FRAMES_PER_SECOND = 25.0
-MAX_KEYFRAMES = 70_000  # of all bodies together, some 10 MB of page; tolerances grow until it is kept
-MAX_FRAMES = 6000  # of longer motions fewer frames a second are kept
-POSITION_TOLERANCE = 1.0e-3  # [m] a frame in between may be off by this
-ANGLE_TOLERANCE = 4.0e-3  # [rad]
-ROBOT = f"{ROOT}/robot"
-FORCE_COLOUR = Rgba(1.0, 0.62, 0.05)
+FORCES = f"{ROOT}/forces"
+FORCE_COLOUR = Rgba(1.0, 0.62, 0.05)  # of an arrow whose share of friction no page shows
+OPACITY = 0.92  # below 1: what is transparent is drawn after all that is not, and so over the leg it stands in
 FORCE_LENGTH = 0.9  # [m] of an arrow that carries the robot's whole weight
 WEAKEST_FORCE = 0.004  # [M g] below this no arrow is shown
 
 
-@dataclass(frozen=True, eq=False)
-class FrameTimes:
-    """The instants that keyframes may lie at.
-
-    Attributes:
-        rate: frames a second.
-        t: (F,) seconds since the motion began; the last one is its end, moved to the next whole frame.
-    """
-
-    rate: float
-    t: np.ndarray
-
-    @property
-    def last(self) -> int:
-        """Number of the last frame."""
-        return len(self.t) - 1
-
-
-def frame_times(duration: float) -> FrameTimes:
-    """The frames of a motion of this many seconds."""
-    rate = min(FRAMES_PER_SECOND, MAX_FRAMES / max(duration, 1e-9))
-    return FrameTimes(rate, np.arange(int(np.ceil(duration * rate - 1e-9)) + 1) / rate)
-
-
-def animate(meshcat: Meshcat, plan: Plan, robot: Robot) -> FrameTimes | None:
+def animate(
+    meshcat: Meshcat, plan: Plan, timeline: ContactTimeline, frames: FrameTimes, bodies: BodyPoses | None
+) -> None:
     """Draws the moving objects at the motion's start and passes their animation to meshcat.
 
-    A plan without motion shows no robot, and None is returned.
+    Of a plan without motion the stances follow one another.
 
     Args:
         meshcat: to draw in.
         plan: whose motion is shown.
-        robot: the plan's.
+        timeline: of its contacts.
+        frames: that keyframes may lie at.
+        bodies: where the robot is; None without a motion.
     """
-    if plan.motion is None or plan.centroidal is None:
-        return None
-    frames = frame_times(plan.duration)
+    if not len(timeline.start):
+        return
     animation = MeshcatAnimation(frames.rate)
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(10_000)
-    _animate_robot(meshcat, animation, plan, robot, frames)
-    _animate_com(meshcat, animation, plan, frames)
-    for effector, name in enumerate(plan.effectors):
-        _animate_force(meshcat, animation, plan, effector, f"{ROOT}/forces/{name}", frames)
-    animate_supports(meshcat, animation, plan, frames.rate, frames.last)
+    animation.set_autoplay(timeline.timed)
+    if bodies is not None:
+        assert plan.centroidal is not None
+        animate_robot(animation, bodies, frames)
+        _animate_com(meshcat, animation, plan, frames)
+        for effector, name in enumerate(plan.effectors):
+            if (plan.centroidal.contact[:, effector] >= 0).any():
+                _animate_force(meshcat, animation, plan, effector, f"{FORCES}/{name}", frames)
+    animate_supports(meshcat, animation, plan, timeline, frames)
     animate_pushes(meshcat, animation, plan, frames.rate, frames.last)
     meshcat.SetAnimation(animation)
-    return frames
-
-
-# ---- robot
-
-
-def _animate_robot(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, robot: Robot, frames: FrameTimes) -> None:
-    paths, poses = _body_poses(meshcat, plan, robot, frames)
-    looseness = 1.0
-    while True:
-        kept = [_needed(poses[:, b, 4:], poses[:, b, :4], frames, looseness) for b in range(len(paths))]
-        if sum(map(len, kept)) <= MAX_KEYFRAMES:
-            break
-        looseness *= 1.6
-    for b, path in enumerate(paths):
-        for f in kept[b].tolist():
-            animation.SetTransform(f, path, RigidTransform(Quaternion(poses[f, b, :4]), poses[f, b, 4:]))
-
-
-def _body_poses(meshcat: Meshcat, plan: Plan, robot: Robot, frames: FrameTimes) -> tuple[list[str], np.ndarray]:
-    """Draws the robot; paths of its bodies in meshcat, and (F, B, 7) quaternion w x y z and position in W."""
-    assert plan.motion is not None
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
-    add_model(plant, robot.model)
-    plant.Finalize()
-    parameters = MeshcatVisualizerParams(role=Role.kIllustration, prefix=ROBOT, delete_on_initialization_event=False)
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    plant_context = plant.GetMyMutableContextFromRoot(context)
-    inspector = scene_graph.model_inspector()
-    shown, paths = [], []
-    for index in range(1, plant.num_bodies()):  # 0 is the world
-        body = plant.get_body(BodyIndex(index))
-        frame = plant.GetBodyFrameIdIfExists(body.index())
-        if frame is not None and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration):
-            shown.append(body)
-            paths.append(f"{ROBOT}/{inspector.GetName(frame).replace('::', '/')}")
-    q = _interpolate_q(plan, frames)
-    poses = np.empty((len(q), len(shown), 7))
-    for f, row in enumerate(q):
-        plant.SetPositions(plant_context, row)
-        if f == 0:
-            diagram.ForcedPublish(context)
-        for b, body in enumerate(shown):
-            X_WB = body.EvalPoseInWorld(plant_context)
-            poses[f, b, :4] = X_WB.rotation().ToQuaternion().wxyz()
-            poses[f, b, 4:] = X_WB.translation()
-    for b in range(len(shown)):
-        poses[:, b, :4] = continuous_signs(poses[:, b, :4])
-    return paths, poses
-
-
-def _interpolate_q(plan: Plan, frames: FrameTimes) -> np.ndarray:
-    """(F, nq) positions at the frames; the base's quaternion is interpolated along the chord and normalised."""
-    assert plan.motion is not None
-    motion = plan.motion
-    t = motion.t - motion.t[0]
-    q = np.stack([np.interp(frames.t, t, column) for column in motion.q.T], axis=1)
-    if motion.position_names and motion.position_names[0].endswith("_qw"):
-        q[:, :4] /= np.linalg.norm(q[:, :4], axis=1, keepdims=True)
-    return q
 
 
 # ---- centre of mass and forces
@@ -162,13 +65,12 @@ def _interpolate_q(plan: Plan, frames: FrameTimes) -> np.ndarray:
 
 def _animate_com(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, frames: FrameTimes) -> None:
     assert plan.centroidal is not None
-    path = f"{ROOT}/com"
-    meshcat.SetObject(path, Sphere(0.035), COM_COLOUR)
+    meshcat.SetObject(COM, Sphere(0.035), COM_COLOUR)
     t = plan.centroidal.t - plan.centroidal.t[0]
     com = np.stack([np.interp(frames.t, t, column) for column in plan.centroidal.com.T], axis=1)
-    meshcat.SetTransform(path, RigidTransform(com[0]))
+    meshcat.SetTransform(COM, RigidTransform(com[0]))
     for f in thin_positions(frames.t, com, POSITION_TOLERANCE).tolist():
-        animation.SetTransform(f, path, RigidTransform(com[f]))
+        animation.SetTransform(f, COM, RigidTransform(com[f]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,9 +89,13 @@ def _animate_force(
 ) -> None:
     """An arrow from the centre of pressure along the force on the robot, as long as the force is great."""
     keys = _arrow_keys(plan, effector, frames)
-    meshcat.SetObject(f"{path}/shaft/cylinder", Cylinder(0.014, 1.0), FORCE_COLOUR)
+    colour = Rgba(FORCE_COLOUR.r(), FORCE_COLOUR.g(), FORCE_COLOUR.b(), OPACITY)
+    meshcat.SetObject(f"{path}/shaft/cylinder", Cylinder(0.014, 1.0), colour)
     meshcat.SetTransform(f"{path}/shaft/cylinder", RigidTransform([0, 0, 0.5]))
-    meshcat.SetObject(f"{path}/head/cone", MeshcatCone(0.09, 0.038, 0.038), FORCE_COLOUR)
+    meshcat.SetObject(f"{path}/head/cone", MeshcatCone(0.09, 0.038, 0.038), colour)
+    for part in ("shaft/cylinder", "head/cone"):
+        meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)
+        meshcat.SetProperty(f"{path}/{part}/<object>", "castShadow", False)
     # The cone's apex is its origin and it opens along z: turned about x, and its base moved to the head's origin.
     meshcat.SetTransform(f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0, 0, 0.09]))
     meshcat.SetProperty(path, "visible", keys.shown[0])
@@ -211,7 +117,7 @@ def _arrow_keys(plan: Plan, effector: int, frames: FrameTimes) -> _ArrowKeys:
     """Keys at the knots; an end effector that changes its contact gets one more, so that its arrow does not glide."""
     assert plan.centroidal is not None
     centroidal = plan.centroidal
-    knot_frames = np.round((centroidal.t - centroidal.t[0]) * frames.rate).astype(int).clip(0, frames.last)
+    knot_frames = frames.at(centroidal.t - centroidal.t[0])
     keys = _ArrowKeys([], [], [], [], [])
     before = None
     for n, frame in enumerate(knot_frames.tolist()):
@@ -248,11 +154,3 @@ def _arrow(plan: Plan, centroidal: PlanCentroidal, n: int, effector: int) -> Arr
     X_WC = plan.contacts.X_WC[contact]
     tail = X_WC[:3, :3] @ [*centroidal.cop_C[n, effector], 0.0] + X_WC[:3, 3]
     return tail, force / size, FORCE_LENGTH * size, True
-
-
-def _needed(positions: np.ndarray, quaternions: np.ndarray, frames: FrameTimes, looseness: float) -> np.ndarray:
-    """The frames that a moving body needs as keyframes; tolerances are multiplied by `looseness`."""
-    return np.union1d(
-        thin_positions(frames.t, positions, looseness * POSITION_TOLERANCE),
-        thin_quaternions(frames.t, quaternions, looseness * ANGLE_TOLERANCE),
-    )

@@ -58,16 +58,17 @@ def _thin(times: np.ndarray, values: np.ndarray, tolerance: float, errors: Error
     count = len(times)
     keep = np.zeros(count, dtype=bool)
     keep[[0, -1]] = True
-    while count > 2:
+    left = np.arange(count if count > 2 else 0)  # samples of the spans that may still be too bad
+    while len(left):
         kept = np.flatnonzero(keep)
-        span = np.searchsorted(kept[1:-1], np.arange(count), side="right")  # of each sample
+        span = np.searchsorted(kept[1:-1], left, side="right")
         first, last = kept[span], kept[span + 1]
-        share = ((times - times[first]) / (times[last] - times[first]))[:, None]
-        wrong = errors(values, (1.0 - share) * values[first] + share * values[last])
-        worst = np.maximum.reduceat(wrong, kept[:-1])
-        candidates = np.flatnonzero((wrong == worst[span]) & (worst[span] > tolerance))
-        if not len(candidates):
-            break
+        share = ((times[left] - times[first]) / (times[last] - times[first]))[:, None]
+        wrong = errors(values[left], (1.0 - share) * values[first] + share * values[last])
+        begins = np.flatnonzero(np.diff(span, prepend=-1))  # of the spans in `left`
+        worst = np.repeat(np.maximum.reduceat(wrong, begins), np.diff(begins, append=len(left)))
+        candidates = np.flatnonzero((wrong == worst) & (worst > tolerance))
         _, one_each = np.unique(span[candidates], return_index=True)
-        keep[candidates[one_each]] = True
+        keep[left[candidates[one_each]]] = True
+        left = left[worst > tolerance]
     return np.flatnonzero(keep)

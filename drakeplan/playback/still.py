@@ -17,6 +17,7 @@ from drakeplan.playback.view import FIELD_OF_VIEW, View
 from scenes.scene import Scene
 
 ROOT = "/drakeplan"
+COM = f"{ROOT}/com"  # the ball that moves along the path of the centre of mass
 # red, green, cyan, magenta: the colours of the figures in Lin 2020
 EFFECTOR_COLOURS = {
     "left_foot": Rgba(0.87, 0.10, 0.10),

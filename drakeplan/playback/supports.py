@@ -9,6 +9,8 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
 from drakeplan.plan.plan import Plan
+from drakeplan.playback.contact_timeline import ContactTimeline
+from drakeplan.playback.frame_times import FrameTimes
 from drakeplan.playback.still import ROOT
 from scenes.contact import patch_corners
 
@@ -17,15 +19,17 @@ SUPPORT_COLOUR = Rgba(1.0, 0.93, 0.0)
 OPACITY = 0.92  # below 1: what is transparent is drawn after all that is not, and so over the foot
 
 
-def animate_supports(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, rate: float, last: int) -> None:
+def animate_supports(
+    meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, timeline: ContactTimeline, frames: FrameTimes
+) -> None:
     """Draws the support polygon of every contact, visible while the contact is held.
 
     Args:
         meshcat: to draw in.
         animation: gets the instants at which polygons appear and vanish.
-        plan: with its momenta, whose knots say which contacts are held.
-        rate: frames of the animation a second.
-        last: number of its last frame.
+        plan: whose contacts they are.
+        timeline: which of them are held.
+        frames: of the animation.
     """
     for contact in range(len(plan.contacts)):
         path = f"{SUPPORTS}/{contact}"
@@ -36,7 +40,7 @@ def animate_supports(meshcat: Meshcat, animation: MeshcatAnimation, plan: Plan, 
         meshcat.SetTriangleMesh(path, corners.T, fan, colour, False, 1.0, Meshcat.SideOfFaceToRender.kDoubleSide)
         meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)  # else the foot hides it
         meshcat.SetProperty(f"{path}/<object>", "receiveShadow", False)
-        keys = held_keys(plan, contact, rate, last)
+        keys = held_keys(timeline, contact, frames)
         meshcat.SetProperty(path, "visible", keys[0])
         for frame, held in keys.items():
             animation.SetProperty(frame, path, "visible", held)
@@ -56,18 +60,16 @@ def support_in_world(plan: Plan, contact: int) -> np.ndarray:
     return world
 
 
-def held_keys(plan: Plan, contact: int, rate: float, last: int) -> dict[int, bool]:
+def held_keys(timeline: ContactTimeline, contact: int, frames: FrameTimes) -> dict[int, bool]:
     """Whether a contact is held, by frame: at the first, wherever that changes, and at the last, where the animation repeats.
 
     Args:
-        plan: with its momenta.
+        timeline: of the plan, not empty.
         contact: row of the plan's table of contacts.
-        rate: frames a second.
-        last: number of the last frame.
+        frames: of the animation.
     """
-    assert plan.centroidal is not None
-    t = plan.centroidal.t - plan.centroidal.t[0]
-    frames = np.round(t * rate).astype(int).clip(0, last)
-    held = (plan.centroidal.contact == contact).any(axis=1)
+    held = (timeline.contact == contact).any(axis=1)
     changes = np.flatnonzero(np.diff(held)) + 1
-    return {int(frames[n]): bool(held[n]) for n in [0, *changes]} | {last: bool(held[-1])}
+    rows = np.array([0, *changes])
+    keys = {int(f): bool(h) for f, h in zip(frames.at(timeline.start[rows]), held[rows], strict=True)}
+    return keys | {frames.last: bool(held[-1])}

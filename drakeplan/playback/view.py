@@ -27,13 +27,14 @@ class View:
     target: np.ndarray
 
 
-def choose_view(path: np.ndarray, points: np.ndarray, triangles: np.ndarray) -> View:
+def choose_view(path: np.ndarray, points: np.ndarray, triangles: np.ndarray, aspect: float = ASPECT) -> View:
     """The view on a way through the terrain.
 
     Args:
         path: (N, 3) the way, in the order of travel [m].
         points: (M, 3) what the picture must hold [m].
         triangles: (K, 3, 3) what may hide them [m]; only faces turned towards the camera do.
+        aspect: width by height of the picture.
     """
     lowest, highest = points.min(axis=0), points.max(axis=0)
     target = (lowest + highest) / 2
@@ -45,14 +46,14 @@ def choose_view(path: np.ndarray, points: np.ndarray, triangles: np.ndarray) -> 
         for s, side in enumerate(np.deg2rad(SIDES)):
             azimuth = ahead + side
             towards = np.array([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
-            eye = target + _distance(points - target, towards) * towards
+            eye = target + _distance(points - target, towards, aspect) * towards
             score = 2.0 * _hidden(eye, seen, triangles[::step]) + 0.04 * s + 0.15 * h
             if score < best_score:
                 best, best_score = View(eye, target), score
     return best
 
 
-def _distance(points: np.ndarray, towards: np.ndarray) -> float:
+def _distance(points: np.ndarray, towards: np.ndarray, aspect: float) -> float:
     """How far along `towards` the camera must be to see all points, given relative to the target, with a margin."""
     right = np.cross([0.0, 0.0, 1.0], towards)
     right /= np.linalg.norm(right)
@@ -60,7 +61,7 @@ def _distance(points: np.ndarray, towards: np.ndarray) -> float:
     half = np.tan(np.deg2rad(FIELD_OF_VIEW / 2))
     margin = 0.35  # [m] around the points: arms and the ground beside the feet
     depth = points @ towards
-    wide = depth + (np.abs(points @ right) + margin) / (half * ASPECT)
+    wide = depth + (np.abs(points @ right) + margin) / (half * aspect)
     high = depth + (np.abs(points @ up) + margin) / half
     return float(max(wide.max(), high.max()))
 

@@ -159,15 +159,17 @@ def test_a_light_robot_whose_soles_are_welded_to_its_ankles_walks_too() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "seed", "palms", "goal"), [("random_surfaces", 1, None, (1.6, 0.0)), ("rubble_corridor", 6, 1, None)]
+    ("name", "seed", "palms", "goal"), [("random_surfaces", 1, None, (0.8, 0.0)), ("rubble_corridor", 3, 1, (1.0, 0.0))]
 )
 def test_plans_on_polygons_and_with_a_palm_on_a_wall_arrive(
-    name: str, seed: int, palms: int | None, goal: tuple[float, float] | None
+    name: str, seed: int, palms: int | None, goal: tuple[float, float]
 ) -> None:
     options = PlanOptions(seed=seed, expansions=150, deadline=300.0, goal=goal)
     result = plan_scene(load_scene(name, seed=seed), ROBOT, options)
     assert result.status == "complete", result.reason
     assert palms is None or result.report["palms_used"] == palms
+    surfaces, used = result.plan.scene.terrain.surfaces, set(result.plan.contacts.surface.tolist())
+    assert sum(10.0 < np.degrees(surfaces[k].tilt) < 30.0 for k in used) >= 2  # tilted stones carry feet
     report = play_plan(result.plan, MODEL)
     assert report.reached, report.text()
     assert report.com_error_m < 0.05

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from drakeplan import playback
 from drakeplan.plan.plan import Plan
 from drakeplan.playback import animation, keyframes, terrain_mesh, view
+from drakeplan.playback.frame_times import MAX_FRAMES, frame_times
 from drakeplan.playback.still import predicted_com
 from scenes.input_error import InputError
 from scenes.terrain.surface import Surface
@@ -65,10 +66,10 @@ def test_signs_are_made_continuous_without_turning_anything() -> None:
 
 
 def test_frames_reach_the_end_of_the_motion_and_stay_bounded() -> None:
-    frames = animation.frame_times(3.3)
+    frames = frame_times(3.3)
     assert frames.t[-1] >= 3.3
     assert frames.t[-2] < 3.3
-    assert len(animation.frame_times(3600.0).t) <= animation.MAX_FRAMES + 1
+    assert len(frame_times(3600.0).t) <= MAX_FRAMES + 1
 
 
 def _slerp(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
@@ -145,7 +146,7 @@ def test_the_camera_goes_where_no_wall_hides_the_way() -> None:
 
 
 def test_arrows_stand_at_the_pressure_and_are_as_long_as_the_force_is_great(strolling_plan: Plan) -> None:
-    frames = animation.frame_times(strolling_plan.duration)
+    frames = frame_times(strolling_plan.duration)
     keys = animation._arrow_keys(strolling_plan, 0, frames)
     contact = strolling_plan.contacts.X_WC[strolling_plan.stances[0, 0]]
     assert keys.frame[0] == 0
@@ -158,7 +159,7 @@ def test_arrows_stand_at_the_pressure_and_are_as_long_as_the_force_is_great(stro
 
 @pytest.mark.parametrize("effector", range(4))
 def test_no_arrow_glides_from_one_contact_to_the_next(strolling_plan: Plan, effector: int) -> None:
-    keys = animation._arrow_keys(strolling_plan, effector, animation.frame_times(strolling_plan.duration))
+    keys = animation._arrow_keys(strolling_plan, effector, frame_times(strolling_plan.duration))
     assert any(keys.shown)
     for k in range(1, len(keys.frame)):
         if keys.shown[k - 1] and keys.shown[k] and keys.frame[k] - keys.frame[k - 1] > 1:

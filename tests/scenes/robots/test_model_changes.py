@@ -86,13 +86,15 @@ def test_a_frame_becomes_the_base_and_the_robot_stands_as_it_lies_in_it(changed,
     contexts = [p.CreateDefaultContext() for p in (plant, other)]
     for p, context, r in zip((plant, other), contexts, (robot, escher), strict=True):
         p.SetPositions(context, nominal_posture(r))
-    np.testing.assert_allclose(nominal_posture(robot)[:4], [1, 0, 0, 0], atol=1e-12)  # the frame, not the pelvis, is upright
+    np.testing.assert_allclose(
+        nominal_posture(robot)[:4], [1, 0, 0, 0], atol=1e-12
+    )  # the frame, not the pelvis, is upright
     for link in ("torso", "left_foot", "right_palm", "head"):
         X = [
             p.CalcRelativeTransform(c, p.GetFrameByName("pelvis"), p.GetFrameByName(link)).GetAsMatrix4()
             for p, c in zip((plant, other), contexts, strict=True)
         ]
-        np.testing.assert_allclose(*X, atol=SAME, err_msg=link)
+        np.testing.assert_allclose(X[0], X[1], atol=SAME, err_msg=link)
 
 
 # ---- names
@@ -101,12 +103,18 @@ def test_a_frame_becomes_the_base_and_the_robot_stands_as_it_lies_in_it(changed,
 def test_a_link_called_as_an_end_effector_makes_way_for_its_contact_frame(changed) -> None:
     sole = {"body": "left_foot", "xyz": [0.01, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
     path = changed(
-        {"frames": {"left_sole": sole}, "ignored_pairs": [["left_foot", "right_foot"]], "collide_as_drawn": ["left_foot"]},
+        {
+            "frames": {"left_sole": sole},
+            "ignored_pairs": [["left_foot", "right_foot"]],
+            "collide_as_drawn": ["left_foot"],
+        },
         effectors={"left_foot": {"frame": "left_sole", "half_extent": [0.1, 0.05]}},
     )
     robot, escher = load_robot(path), load_robot("escher")
     plant = build_plant(robot).plant
-    names = {plant.get_body(i).name() for i in plant.GetBodyIndices(build_plant(robot).effector_bodies[0].model_instance())}
+    names = {
+        plant.get_body(i).name() for i in plant.GetBodyIndices(build_plant(robot).effector_bodies[0].model_instance())
+    }
     assert set(EFFECTORS) <= names and "left_foot_link" in names and "left_sole" not in names
     assert robot.mass == pytest.approx(escher.mass)
     assert shapes(plant, "left_foot") == 0 and shapes(plant, "left_foot_link") > shapes(plant, "right_foot")
@@ -152,7 +160,13 @@ def test_bodies_nearer_than_asked_are_named_at_the_posture_that_is_asked(tmp_pat
     (tmp_path / "boxes.urdf").write_text(f'<robot name="boxes">{bare}{text}</robot>')
     touching = [
         touching_pairs(tmp_path / "boxes.urdf", nominal, distance)
-        for nominal, distance in (({}, 0.005), ({}, 0.003), ({}, 0.007), ({"to_b": 0.003}, 0.005), ({"to_b": 0.5}, 0.007))
+        for nominal, distance in (
+            ({}, 0.005),
+            ({}, 0.003),
+            ({}, 0.007),
+            ({"to_b": 0.003}, 0.005),
+            ({"to_b": 0.5}, 0.007),
+        )
     ]
     assert touching == [{("a", "b")}, set(), {("a", "b"), ("b", "c")}, {("b", "c")}, set()]
 
