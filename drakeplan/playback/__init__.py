@@ -110,7 +110,9 @@ def beside_page_html(
         _draw(plan, meshcat, robot)
         light_and_look(meshcat, *_camera(plans if linked else [plan], aspect=0.5 * ASPECT))
         pages.append(meshcat.StaticHtml())
-    panes = [_pane(plan, robot, name) for plan, robot, name in zip(plans, robots, names, strict=True)]
+    short = [Path(name).name for name in names]
+    titles = short if short[0] != short[1] else names
+    panes = [_pane(plan, robot, title) for plan, robot, title in zip(plans, robots, titles, strict=True)]
     return finished_page(joined(*pages), panes, linked=linked)
 
 
@@ -235,6 +237,8 @@ def _camera(plans: Sequence[Plan], aspect: float = ASPECT) -> tuple[View, float]
         points += [ways[-1], ways[-1] + (HEAD_ABOVE_COM if moves else 0.0) * UP, contacts]
     goal = [scene.goal.xyz] if scene.goal is not None and np.isfinite(scene.goal.xyz).all() else []
     held = np.concatenate([*points, np.reshape(goal, (-1, 3))])
+    if not len(ways[0]):  # a plan of nothing shows its terrain
+        ways, held = [np.stack(scene.terrain.extent)], np.concatenate([held, np.stack(scene.terrain.extent)])
     view = choose_view(ways[0], held, np.concatenate([*_fans(scene), plan.triangles]), aspect)
     near = float(np.linalg.norm(held - view.target, axis=1).max()) + 1.0
     corners = np.stack(scene.terrain.extent)

@@ -39,7 +39,7 @@ CONTROLS = """
 </div>
 """
 RANGE = '<input type="range" min="0" max="1" step="any" value="0" aria-label="time">'
-CAPTION = '<div class="plan-caption"><b></b><span></span></div>'
+CAPTION = '<div class="plan-caption" hidden><b></b><span></span></div>'
 TORQUES = '<div class="plan-torques"><h2>torque / limit</h2></div>'
 
 
@@ -84,7 +84,7 @@ def _over(pane: Pane) -> str:
     heading = " &middot; ".join([f"<b>{heading}</b>", *words])
     entries = " ".join(map(_entry, pane.legend.entries))
     legend = f'<details class="plan-legend" open><summary>{heading}</summary>{entries}</details>'
-    caption = CAPTION if pane.data is not None and pane.data["stances"] else ""
+    caption = CAPTION if pane.data is not None else ""
     torques = TORQUES if pane.data is not None and pane.data["torques"] else ""
     return f'<div class="plan-pane">{caption}{torques}{legend}</div>\n'
 

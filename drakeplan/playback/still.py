@@ -48,7 +48,7 @@ def draw_still(meshcat: Meshcat, plan: Plan, scene: Scene) -> None:
         meshcat.SetLineSegments(
             f"{ROOT}/contacts/outlines", corners.reshape(-1, 3).T, ends.reshape(-1, 3).T, 1.0, Rgba(0.1, 0.1, 0.12)
         )
-    if plan.centroidal is not None:
+    if plan.centroidal is not None and len(plan.centroidal):
         _com_path(meshcat, "com_path", plan.centroidal.com, COM_COLOUR)
     predicted = predicted_com(plan)
     if predicted is not None:

@@ -70,6 +70,5 @@ def held_keys(timeline: ContactTimeline, contact: int, frames: FrameTimes) -> di
     """
     held = (timeline.contact == contact).any(axis=1)
     changes = np.flatnonzero(np.diff(held)) + 1
-    rows = np.array([0, *changes])
-    keys = {int(f): bool(h) for f, h in zip(frames.at(timeline.start[rows]), held[rows], strict=True)}
-    return keys | {frames.last: bool(held[-1])}
+    keys = {int(f): bool(h) for f, h in zip(frames.at(timeline.start[changes]), held[changes], strict=True)}
+    return {0: bool(held[0])} | keys | {frames.last: bool(held[-1])}
