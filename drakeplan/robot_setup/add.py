@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,11 +69,16 @@ def add_robot(
     name = _name(name, found.file, own=folder is None)
     place = Path(folder).expanduser() if folder is not None else own_robots_folder() / name
     file = place / f"{name}.yaml"
-    _prepare(file, replace)
     drawn = Path(picture) if picture is not None else place / f"{name}.png"
-    require_writable(drawn)
-    description = describe_robot(found, name, links, seed=seed, say=say)
-    write_robot_file(description, file)
+    if drawn.resolve() == file.resolve():
+        raise InputError(f"--picture {drawn}: the same file as the robot file: choose another")
+    with _folder_for(file, replace):
+        require_writable(drawn)
+        description = describe_robot(found, name, links, seed=seed, say=say)
+        with tempfile.TemporaryDirectory(prefix="drakeplan-robot-") as scratch:  # what cannot be read is not written
+            write_robot_file(description, Path(scratch) / file.name)
+            load_robot(Path(scratch) / file.name, packages)
+        write_robot_file(description, file)
     robot = load_robot(file, packages)
     say("draw")
     write_pictures(robot, drawn)
@@ -90,12 +97,21 @@ def _name(name: str | None, model: Path, *, own: bool) -> str:
     return name
 
 
-def _prepare(file: Path, replace: bool) -> None:
-    """Makes the folder of the robot file, and refuses to write over another robot."""
+@contextlib.contextmanager
+def _folder_for(file: Path, replace: bool) -> Iterator[None]:
+    """Makes the folder of the robot file, and takes it away again where no robot is added; refuses to write over one."""
     if file.exists() and not replace:
         raise InputError(f"{file}: there is a robot of this name: add --replace, or choose another --name")
+    made = [f for f in (file.parent, *file.parent.parents) if not f.exists()]
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{file.parent}: cannot be made ({error.strerror}): choose a folder with --out DIR") from None
-    require_writable(file)
+    try:
+        require_writable(file)
+        yield
+    except BaseException:
+        for folder in made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise

@@ -11,8 +11,10 @@ from itertools import product
 
 import numpy as np
 
+from drakeplan.robot_setup.link_tree import shape_points
 from scenes.effector import EFFECTORS, LEFT_PALM
 from scenes.input_error import InputError
+from scenes.robots.plant import RobotPlant
 from scenes.robots.robot import Robot
 from scenes.scene import Goal, Scene, Start
 from scenes.terrain.surface import Surface
@@ -126,6 +128,13 @@ def _leans(robot: Robot) -> Finding:
     from scenes.robots.plant import build_plant, nominal_posture
 
     robot_plant, q = build_plant(robot), nominal_posture(robot)
+    for palm in robot.palms:
+        if _faces_its_hand(robot_plant, palm):
+            name = EFFECTORS[palm]
+            return Finding(
+                "leans", False, f"the z axis of the {name}'s frame points out of the hand: it points from the wall into the hand",
+                (f"effectors.{name}.frame", "frames"),
+            )  # fmt: skip
     solver, feet = PostureSolver(robot_plant), _feet(robot)
     found: list[int] = []
     for palm in robot.palms:
@@ -152,6 +161,18 @@ def _leans(robot: Robot) -> Finding:
         True,
         f"palms lie flat on a wall beside the robot in {' and '.join(map(str, found))} of {places} places",
     )
+
+
+def _faces_its_hand(robot_plant: RobotPlant, palm: int) -> bool:
+    """Whether most of the hand lies where the wall would be, behind its patch."""
+    plant, inspector = robot_plant.plant, robot_plant.scene_graph.model_inspector()
+    frame, context = robot_plant.effector_bodies[palm].body_frame(), plant.CreateDefaultContext()
+    z = []
+    for geometry in robot_plant.effector_geometry[palm]:
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).body_frame()
+        X_EG = plant.CalcRelativeTransform(context, frame, body) @ inspector.GetPoseInFrame(geometry)
+        z += list((X_EG @ shape_points(inspector, geometry).T)[2])
+    return bool(z) and min(z) + max(z) < 0.0
 
 
 def _crosses(name: str, robot: Robot, scene: Scene, seed: int, keys: tuple[str, ...]) -> Finding:

@@ -32,6 +32,8 @@ UPRIGHT = (  # how a base may stand: z up as most, y up as in computer graphics,
     np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
 )
 TURNED = np.cos(np.deg2rad(2.0))  # a base that faces ahead within this angle stays
+AHEAD = np.array([1.0, 0.0, 0.0])  # where the robot faces in W, once it is upright
+SMALLEST, LARGEST = 0.2, 10.0  # [m] of a robot: others are in millimetres or inches
 LONGER = 0.02  # [m] that a hand is drawn beyond its collision shapes, from where on what is drawn counts
 
 
@@ -55,20 +57,28 @@ def describe_robot(
     Raises:
         InputError: the model is no humanoid that stands on flat feet; the line says what is missing.
     """
+    try:
+        return _describe(found, name, dict(given or {}), seed, say)
+    except InputError as error:
+        raise error if str(found.file) in str(error) else InputError(f"{found.file}: {error}") from None
+
+
+def _describe(
+    found: FoundModel, name: str, given: Mapping[str, str], seed: int, say: Callable[[str], None]
+) -> Description:
     say("read the model")
     base = find_base(found)
-    tree, limbs, R_WB = _upright(found, base, dict(given or {}))
-    front = heading(tree, limbs.feet)
+    tree, limbs, R_WB = _upright(found, base, given)
     notes: list[str] = []
     say("close the fingers, hold the head still")
-    fixed, fingers = _welds(tree, limbs, front)
+    fixed, fingers = _welds(tree, limbs, AHEAD)
     drawn = _drawn_only(tree, limbs)
     changes = ModelChanges(fixed=fixed, one_hull=_hulls(tree, limbs), collide_as_drawn=drawn)
     tree = draft(found, base, changes, R_WB)
     limbs = _renamed(tree, limbs)
     say("find soles and palms")
     soles = find_soles(tree, limbs.feet)
-    palms = None if limbs.hands is None else find_palms(tree, limbs.hands, limbs.torso, front)
+    palms = None if limbs.hands is None else find_palms(tree, limbs.hands, limbs.torso, AHEAD)
     if limbs.hands is not None and palms is None:
         notes.append(
             f"the hands ({limbs.hands[0]}, {limbs.hands[1]}) have no shape that could lean on a wall: plans use the feet alone"
@@ -78,23 +88,23 @@ def describe_robot(
         notes.append("no arms with a hand were found: plans use the feet alone")
     mirrored = _mirrored(tree, limbs, notes)
     say("stand")
-    R_BF = R_WB.T @ np.column_stack([front, np.cross([0.0, 0.0, 1.0], front), [0.0, 0.0, 1.0]])
-    standing = find_standing(tree, soles, palms, mirrored, R_BF, seed=seed)
+    standing = find_standing(tree, soles, palms, mirrored, R_WB.T, seed=seed)
     if isinstance(standing, str):
-        raise InputError(f"{found.file}: {standing}")
+        raise InputError(standing)
     say("look for bodies that always touch")
     pairs = always_touching(tree, standing.q, seed=seed)
     frames: dict[str, FrameEntry] = {}
-    if R_BF[0, 0] < TURNED or R_BF[2, 2] < TURNED:
-        frames[FRONT] = frame_words(base, np.block([[R_BF, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
-        notes.append(f"the base {base!r} does not face ahead with z up: a frame {FRONT!r} on it becomes the base")
     bodies = {b for link in tree.links.values() for b in link.bodies}
+    front = next(n for k in range(9) if (n := FRONT + "_" * k) not in bodies)
+    if R_WB[0, 0] < TURNED or R_WB[2, 2] < TURNED:
+        frames[front] = frame_words(base, np.block([[R_WB.T, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
+        notes.append(f"the base {base!r} does not face ahead with z up: a frame {front!r} on it becomes the base")
     for e, part in enumerate([*soles, *(palms or ())]):
         frames[frame_name(EFFECTORS[e], bodies)] = frame_words(part.body, part.X_BE)
     description = Description(
         found=found,
         name=name,
-        base=FRONT if FRONT in frames else base,
+        base=front if front in frames else base,
         changes=changes.model_copy(update={"frames": frames, "ignored_pairs": pairs}),
         limbs=limbs,
         soles=soles,
@@ -109,18 +119,42 @@ def describe_robot(
     return description
 
 
-def _upright(found: FoundModel, base: str, given: dict[str, str]) -> tuple[LinkTree, Limbs, np.ndarray]:
+def _upright(found: FoundModel, base: str, given: Mapping[str, str]) -> tuple[LinkTree, Limbs, np.ndarray]:
+    """The robot upright with its toes along x of W, its limbs, and (3, 3) the axes of W in its base's, transposed."""
     first: InputError | None = None
     for R_WB in UPRIGHT:
         tree = draft(found, base, ModelChanges(), R_WB)
+        _check_size(tree)
         try:
-            return tree, find_limbs(tree, given), R_WB
+            limbs = find_limbs(tree, dict(given))
         except InputError as error:
             first = first or error
-            if given:
-                break
+            continue
+        if not _feet_below(tree, limbs):
+            first = first or InputError("the feet are not below the joints that their legs begin with")
+            continue
+        front = heading(tree, limbs.feet)
+        R_WF = np.column_stack([front, np.cross([0.0, 0.0, 1.0], front), [0.0, 0.0, 1.0]])
+        if R_WF[0, 0] > 1.0 - 1e-9:
+            return tree, limbs, R_WB
+        return draft(found, base, ModelChanges(), R_WF.T @ R_WB), limbs, R_WF.T @ R_WB
     assert first is not None
-    raise InputError(f"{found.file}: {first}") from None
+    raise first
+
+
+def _check_size(tree: LinkTree) -> None:
+    points = np.concatenate([tree.origin(n)[None] for n in tree.links] + [link.points for link in tree.links.values()])
+    size = float(np.ptp(points, axis=0).max())
+    if not SMALLEST < size < LARGEST:
+        raise InputError(f"the robot is {size:.3g} m large: lengths are metres; is the model in another unit?")
+
+
+def _feet_below(tree: LinkTree, limbs: Limbs) -> bool:
+    for foot in limbs.feet:
+        down = tree.origin(tree.way(foot)[1]) - tree.origin(foot)
+        if down[2] < 0.5 * float(np.linalg.norm(down)):
+            return False
+    return True
 
 
 def _welds(tree: LinkTree, limbs: Limbs, front: np.ndarray) -> tuple[dict[str, float], str]:
@@ -140,7 +174,9 @@ def _welds(tree: LinkTree, limbs: Limbs, front: np.ndarray) -> tuple[dict[str, f
         if link.joint is not None and link.joint not in moving and link.joint not in fixed:
             joint = tree.plant.GetJointByName(link.joint)
             fixed[link.joint] = float(np.clip(0.0, joint.position_lower_limits()[0], joint.position_upper_limits()[0]))
-    return {k: round(v, 4) + 0.0 for k, v in fixed.items()}, f"{fingers} finger joints are closed as far as they go"
+    return {k: round(v, 4) + 0.0 for k, v in fixed.items()}, (
+        f"{fingers} finger joints are closed as far as they go" if fingers else "there are no fingers"
+    )
 
 
 def _drawn_only(tree: LinkTree, limbs: Limbs) -> list[str]:
@@ -248,5 +284,9 @@ def _measure(tree: LinkTree, d: Description, seed: int) -> None:
         try:
             measured = measure_reach(build_plant(robot), seed=seed)
         except (RuntimeError, np.linalg.LinAlgError) as error:
-            raise InputError(f"{d.found.file}: its reach could not be measured ({error})") from None
+            raise InputError(f"its reach could not be measured ({error})") from None
     d.figures = make_figures(tree, d.limbs, d.soles, d.standing, measured, d.mass)
+    if min(d.figures.torso_size) <= 0.0:
+        raise InputError(
+            f"the trunk hangs below the hips: are {d.limbs.feet[0]!r} and {d.limbs.feet[1]!r} the foot links?"
+        )

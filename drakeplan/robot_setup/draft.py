@@ -42,13 +42,18 @@ def _base_of(root: etree._Element, file: Path) -> str:
     children = set()
     for joint in root.findall("joint"):
         parent, child = (e.get("link", "") if (e := joint.find(tag)) is not None else "" for tag in ("parent", "child"))
+        if child not in links:
+            raise InputError(f"{file}: joint {joint.get('name')!r}: the model has no link {child!r}")
         below.setdefault(parent, []).append((str(joint.get("type")), child))
         children.add(child)
     roots = [name for name in links if name not in children]
     if "world" in roots and len(roots) == 1:
         roots = [child for _, child in below.get("world", [])]
     if len(roots) != 1:
-        raise InputError(f"{file}: expected one link that all others hang on, the model has {len(roots)} of them")
+        names = f": {', '.join(map(repr, roots[:3]))}" if roots else ""
+        raise InputError(
+            f"{file}: expected one link that all others hang on, the model has {len(roots)} of them{names}"
+        )
     name = roots[0]
     while not _has_mass(links[name]):
         under = below.get(name, [])

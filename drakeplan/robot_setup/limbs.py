@@ -97,7 +97,9 @@ def find_limbs(tree: LinkTree, given: dict[str, str]) -> Limbs:
     else:
         feet = _find_feet(tree, pairs)
         origin |= dict.fromkeys(EFFECTORS[:2], "the lowest links of the two legs")
+    _check_feet(tree, feet)
     if EFFECTORS[2] in chosen:
+        _check_hands(tree, (chosen[EFFECTORS[2]], chosen[EFFECTORS[3]]), feet)
         hands: tuple[str, str] | None = (chosen[EFFECTORS[2]], chosen[EFFECTORS[3]])
     else:
         hands = _find_hands(tree, pairs, feet)
@@ -105,6 +107,29 @@ def find_limbs(tree: LinkTree, given: dict[str, str]) -> Limbs:
     torso = _shared(tree, *hands) if hands else tree.root
     origin["torso"] = "where the arms meet" if hands else "the base: the robot has no arms"
     return Limbs(feet, hands, torso, origin)
+
+
+def _check_feet(tree: LinkTree, feet: tuple[str, str]) -> None:
+    for foot, option in zip(feet, ("--left-foot", "--right-foot"), strict=True):
+        if _joints(tree, foot) < LEAST_LEG:
+            raise InputError(
+                f"{option}: {foot!r} hangs on {_joints(tree, foot)} joints, a leg has {LEAST_LEG} at least"
+            )
+    if feet[0] in tree.way(feet[1]) or feet[1] in tree.way(feet[0]):
+        raise InputError(f"--left-foot, --right-foot: {feet[0]!r} and {feet[1]!r} are of one leg")
+
+
+def _check_hands(tree: LinkTree, hands: tuple[str, str], feet: tuple[str, str]) -> None:
+    legs = {n for foot in feet for n in tree.below(tree.way(foot)[1])}
+    for hand, option in zip(hands, ("--left-palm", "--right-palm"), strict=True):
+        if hand in legs:
+            raise InputError(f"{option}: {hand!r} is part of a leg")
+    shared = tree.way(_shared(tree, *hands))
+    if min(_joints(tree, hand) for hand in hands) < len(shared) - 1 + LEAST_ARM:
+        raise InputError(
+            f"--left-palm, --right-palm: expected the ends of two arms with {LEAST_ARM} joints or more each, got {hands[0]!r} "
+            f"and {hands[1]!r}"
+        )
 
 
 def _complete(tree: LinkTree, chosen: dict[str, str], owner: dict[str, str]) -> None:

@@ -56,7 +56,7 @@ def find_model_source(model: str, packages: Mapping[str, Path]) -> FoundModel:
     path = Path(model).expanduser()
     if is_file(path):
         if path.suffix.lower() == ".xacro":
-            raise InputError(f"{model}: expand the file first: xacro {path.name} > {path.name.removesuffix('.xacro')}")
+            raise InputError(f"{model}: expand the file first: xacro {path.name} > {path.name.split('.')[0]}.urdf")
         if path.suffix.lower() not in MODEL_SUFFIXES:
             raise InputError(f"{model}: expected a model that ends in one of {', '.join(MODEL_SUFFIXES)}")
         return FoundModel(path.resolve(), packages)
@@ -82,7 +82,7 @@ def _in_package(
         what = f"{len(found)} models end in {end!r}" if found and end else "which of its models?"
         if end and not found:
             what = f"no model of the package ends in {end!r}"
-        raise InputError(f"{model}: {what} It has {names}" if names else f"{model}: the package has no model")
+        raise InputError(f"{model}: {what.rstrip('?')}: {names}" if names else f"{model}: the package has no model")
     name = str(installed.metadata["Name"])
     top = found[0].parts[: 3 if found[0].parts[0] == "cmeel.prefix" else 1]
     folder = PurePosixPath(*top) if ".." not in found[0].parts else None

@@ -74,7 +74,8 @@ def robot_file_text(d: Description, file: Path) -> str:
     lines = [HEADER.format(name=d.name, file=_quoted(str(file)) if " " in str(file) else file)]
     lines += ["format: drakeplan-robot", "version: 1", f"name: {_quoted(d.name)}"]
     lines += _model(d)
-    lines += [f"base_body: {_quoted(d.base)}" + ("" if d.base in d.changes.frames else "        # the model's root")]
+    origin = "the frame above, with x ahead and z up" if d.base in d.changes.frames else "the model's root"
+    lines += [f"base_body: {_quoted(d.base)}        # {origin}"]
     lines += [f"torso_body: {_quoted(d.limbs.torso)}        # {d.limbs.origin['torso']}"]
     lines += _effectors(d) + _nominal(d) + _figures(d)
     return "\n".join(lines) + "\n"

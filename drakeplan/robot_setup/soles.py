@@ -14,6 +14,7 @@ from drakeplan.robot_setup.symmetry import alike, mirror_pose
 from scenes.input_error import InputError
 
 FLAT = 0.004  # [m] points nearer to the sole's plane than this belong to it
+LEVEL = 0.0015  # [m] a sole spreads over points as near as this: others are round
 SAME_PLANE = 0.9986  # cosine of 3 deg between facets of one plane
 STEEPEST = 0.82  # cosine of 35 deg of the sole from the horizontal at the zero posture
 SPLAY = np.deg2rad(20.0)  # of a sole's long edge from the robot's heading
@@ -108,6 +109,9 @@ def _sole(tree: LinkTree, foot: str, front: np.ndarray) -> Sole:
     half = 0.5 * (high - low)
     if half[0] < LEAST_HALF[0] or half[1] < LEAST_HALF[1]:
         raise InputError(_no_sole(foot, 2 * half))
+    width = np.ptp(points[points @ down > (points @ down).max() - LEVEL] @ R[:, :2], axis=0)
+    if (width < 2 * np.array(LEAST_HALF)).any():
+        raise InputError(_no_sole(foot, width))
     low_part = (points - flat.mean(axis=0)) @ up < TALL
     reach = points[low_part] @ R[:, :2]
     beyond = np.concatenate([reach.max(axis=0) - high, low - reach.min(axis=0)])  # front, left, back, right

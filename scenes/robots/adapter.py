@@ -27,17 +27,19 @@ from scenes.files.cache_folder import cache_folder
 from scenes.input_error import InputError
 from scenes.robots.addresses import Addresses
 from scenes.robots.base_link import stand_on
+from scenes.robots.materials import settle_materials
 from scenes.robots.schema import FrameEntry, ModelChanges, PackageEntry
 from scenes.robots.touching_pairs import touching_pairs
 from scenes.robots.urdf_file import read_urdf
 from scenes.robots.urdf_pose import numbers, origin, origin_element, pose, turn
 
-ADAPTER_VERSION = 2  # part of the cache's key: raise it when the same input shall give another model
+ADAPTER_VERSION = 3  # part of the cache's key: raise it when the same input shall give another model
 TOUCHING = 0.005  # [m] bodies nearer than this in the nominal posture are taken to touch by design
 DRAKE = "http://drake.mit.edu"
 WIDEST = {"revolute": math.pi, "continuous": math.pi, "prismatic": 1.0}  # [rad, m] of joints that name no limits
 FASTEST = {"revolute": 10.0, "continuous": 10.0, "prismatic": 2.0}  # [rad/s, m/s] of joints that name no speed
-KEPT = ("link", "joint", "material")  # what a URDF needs for planning; sensors, plugins and comments go
+GROUP = f"{{{DRAKE}}}collision_filter_group"
+KEPT = ("link", "joint", "material", GROUP)  # what a URDF needs for planning; sensors, plugins and comments go
 MOVING = ("revolute", "continuous", "prismatic")
 TRIPLES = ("xyz", "rpy", "size", "scale")  # attributes of three numbers
 
@@ -181,6 +183,7 @@ class _Model:
 
     def write(self, folder: Path) -> None:
         """Everything into a folder: model.urdf and its meshes."""
+        settle_materials(self.root)
         self._weld_fixed_joints()
         if self.base_body in self.changes.frames:  # the robot faces along another axis than its model's root
             self._add_frame(self.base_body, self.changes.frames[self.base_body])
@@ -291,20 +294,24 @@ class _Model:
                 collision.extend([copy.deepcopy(e) for e in visual if e.tag in ("origin", "geometry")])
 
     def _convert_collisions(self) -> None:
-        from scenes.robots.meshes import points_of
+        from scenes.robots.meshes import points_of, points_of_solid
 
         hulls: dict[str, list[np.ndarray]] = {}
         for name, link in self.links.items():
             owner, X_OL = self._hull_owner(name)
             for collision in link.findall("collision"):
                 mesh = collision.find("geometry/mesh")
-                if mesh is None:
+                grouped = owner != name or self._owns_group(name)
+                if mesh is None and not grouped:
                     continue
                 link.remove(collision)
-                points = points_of(self.mesh_path(mesh), _scale(mesh))
+                if mesh is None:
+                    points = points_of_solid(collision.find("geometry"))
+                else:
+                    points = points_of(self.mesh_path(mesh), _scale(mesh))
                 X = X_OL @ origin(collision)
                 points = points @ X[:3, :3].T + X[:3, 3]
-                if owner == name and not self._owns_group(name):
+                if not grouped:
                     self._add_hull(name, points)
                 else:
                     hulls.setdefault(owner, []).append(points)
@@ -380,6 +387,8 @@ class _Model:
             self.links[new] = self.links.pop(old)
         for end in self.root.iter("parent", "child"):
             end.set("link", renamed.get(end.get("link", ""), end.get("link", "")))
+        for member in self.root.iterfind(f"{GROUP}/{{{DRAKE}}}member"):
+            member.set("link", renamed.get(member.get("link", ""), member.get("link", "")))
         frames = (self.changes.frames, self.origin.slots)
         moved = [{n: f.model_copy(update={"body": renamed.get(f.body, f.body)}) for n, f in g.items()} for g in frames]
         pairs = [(renamed.get(a, a), renamed.get(b, b)) for a, b in self.changes.ignored_pairs]
@@ -419,7 +428,7 @@ class _Model:
     def _filter_pairs(self, urdf: Path) -> None:
         pairs = {tuple(sorted(p)) for p in self.changes.ignored_pairs} | touching_pairs(urdf, self.nominal, TOUCHING)
         for a, b in sorted(pairs):
-            group = etree.SubElement(self.root, f"{{{DRAKE}}}collision_filter_group", name=f"{a}_{b}")
+            group = etree.SubElement(self.root, GROUP, name=f"{a}_{b}")
             etree.SubElement(group, f"{{{DRAKE}}}member", link=a)
             etree.SubElement(group, f"{{{DRAKE}}}member", link=b)
             etree.SubElement(group, f"{{{DRAKE}}}ignored_collision_filter_group", name=f"{a}_{b}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 from lxml import etree  # type: ignore[attr-defined]
@@ -34,4 +35,15 @@ def read_urdf(path: Path) -> etree._Element:
         raise InputError(f"{path}: expected a URDF, whose root element is <robot>, got <{root.tag}>")
     if any(isinstance(e.tag, str) and e.tag.startswith(f"{{{XACRO}}}") for e in root.iter()):
         raise InputError(f"{path}: a xacro file: expand it first: xacro MODEL.urdf.xacro > MODEL.urdf")
+    _check_names(root, path)
     return root
+
+
+def _check_names(root: etree._Element, path: Path) -> None:
+    for tag in ("link", "joint"):
+        names = [e.get("name") for e in root.findall(tag)]
+        if not all(names):
+            raise InputError(f"{path}: a {tag} without a name: give it one")
+        for name, count in Counter(names).items():
+            if count > 1:
+                raise InputError(f"{path}: {tag} {name!r} is there twice: give one of them another name")

@@ -140,6 +140,20 @@ def test_a_frame_cannot_have_the_name_of_a_link(changed) -> None:
         load_robot(changed({"frames": {"head": {"body": "pelvis", "xyz": [0, 0, 0]}}}))
 
 
+# ---- materials
+
+
+@pytest.mark.parametrize(
+    "material",
+    ['<material name="shell"><color rgba="1 0 0 1"/></material>', '<material name="nowhere"/>'],
+    ids=["a second colour of a name", "no colour of a name"],
+)
+def test_materials_that_ros_takes_do_not_stop_a_robot(changed, material) -> None:
+    path = changed({}, ('<geometry><sphere radius="0.062"/></geometry><material name="shell"/>',
+                        f'<geometry><sphere radius="0.062"/></geometry>{material}'))  # fmt: skip
+    assert build_plant(load_robot(path)).plant.num_positions() == nominal_posture(load_robot("escher")).size
+
+
 # ---- what touches
 
 
