@@ -75,19 +75,19 @@ def test_a_mistake_gets_one_line_and_exit_2(
 @pytest.mark.slow
 def test_a_library_is_built_gone_on_with_and_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(tmp_path / "plans")
-    assert main(["library", "build", "--library", folder, "--count", "2", "--seed", "5", "--json"]) == 0
+    assert main(["library", "build", "--library", folder, "--count", "2", "--seed", "1", "--json"]) == 0
     built = said(capsys)
     assert built["environments"] == 2
     assert built["plans"] == built["added"] == sum(built["modes"].values())
-    assert main(["library", "build", "--library", folder, "--count", "2", "--seed", "5"]) == 2  # without --resume
+    assert main(["library", "build", "--library", folder, "--count", "2", "--seed", "1"]) == 2  # without --resume
     assert "--resume" in capsys.readouterr().err
-    assert main(["library", "build", "--library", folder, "--count", "2", "--seed", "5", "--resume", "--json"]) == 0
+    assert main(["library", "build", "--library", folder, "--count", "2", "--seed", "1", "--resume", "--json"]) == 0
     again = said(capsys)
     assert (again["added"], again["alike"]) == (0, built["plans"])
     assert main(["library", "match", "random_surfaces", "--seed", "1", "--library", folder, "--json"]) == 0
     assert isinstance(said(capsys)["plans"], list)
     with Library(folder) as library:
-        assert library.facts["seed"] == 5
+        assert library.facts["seed"] == 1
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from drakeplan.contact_planning.search_planner import SearchPlanner
 from drakeplan.context import QueryContext
 from drakeplan.execution import ExecutionReport
 from drakeplan.plan.plan import Plan
+from drakeplan.query import one_planner
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
 from drakeplan.query.result import PlanResult
@@ -124,6 +125,7 @@ def test_a_plan_that_falls_is_barred_and_another_is_found(monkeypatch: pytest.Mo
 
 def test_where_every_plan_falls_the_last_fall_is_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drakeplan.execution, "play_plan", falls(1000, []))
+    monkeypatch.setattr(one_planner, "MAX_REPAIRS", 3)  # plans that fall before it gives up
     result = walk(simulate=True, reserve=ALL)
     assert result.status == "contacts"
     assert "played in physics it failed at 3.5 s: it sank in phase 3" in result.reason
