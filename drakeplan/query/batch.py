@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import multiprocessing
 import os
 import signal
@@ -116,6 +117,11 @@ def _queries(
 
 def _run(queries: Sequence[_Query], workers: int, stop: Callable[[], bool], tell: Progress) -> list[PlanResult]:
     """The answers to all queries, in their order."""
+    with _garbage_of_this_thread():
+        return _run_in_pool(queries, workers, stop, tell)
+
+
+def _run_in_pool(queries: Sequence[_Query], workers: int, stop: Callable[[], bool], tell: Progress) -> list[PlanResult]:
     pool = ProcessPool(workers, initializer=_begin, context=multiprocessing.get_context("spawn"))
     results: dict[int, PlanResult] = {}
     try:
@@ -135,6 +141,22 @@ def _run(queries: Sequence[_Query], workers: int, stop: Callable[[], bool], tell
         pool.stop()
         pool.join()
     return [results.get(k) or _failed("stopped before it was answered") for k in range(len(queries))]
+
+
+@contextmanager
+def _garbage_of_this_thread() -> Iterator[None]:
+    """Inside, no thread of the pool collects garbage: a Meshcat of the user's that is no longer used must die in his own thread.
+
+    Drake ends the process when it dies in another.
+    """
+    collects = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _schedule(pool: ProcessPool, work: Callable[..., Answer], query: _Query | None = None) -> Future[Answer]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import multiprocessing
 import os
 import signal
@@ -14,6 +15,7 @@ import pytest
 from drakeplan.plan.plan import Plan
 from drakeplan.plan.plan_file import write_plan
 from drakeplan.progress import ProgressEvent
+from drakeplan.query import batch
 from drakeplan.query.batch import plan_many
 from drakeplan.query.options import PlanOptions
 from drakeplan.query.planning import plan_scene
@@ -100,3 +102,13 @@ def test_what_is_wrong_with_all_is_said_before_anything_starts(scenes, options, 
     with pytest.raises(InputError, match=said):
         plan_many(scenes, "escher", options, workers)
     assert not multiprocessing.active_children()
+
+
+def test_no_thread_of_the_pool_collects_garbage_that_must_die_in_its_own_thread():
+    assert gc.isenabled()
+    with batch._garbage_of_this_thread():
+        assert not gc.isenabled()
+        with batch._garbage_of_this_thread():
+            pass
+        assert not gc.isenabled()
+    assert gc.isenabled()
