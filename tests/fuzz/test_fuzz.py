@@ -12,7 +12,7 @@ from judge import READ, REFUSED, answer
 
 SEED = 20261129
 FEW = {"scenes": 200, "meshes": 150, "robots": 100, "commands": 100}
-MANY = {"scenes": 5000, "meshes": 1000, "robots": 1000, "commands": 500}
+MANY = {"scenes": 12_000, "meshes": 2000, "robots": 2000, "commands": 500}
 
 
 def check(kind: str, first: int, count: int, folder: Path) -> None:
