@@ -14,14 +14,14 @@ import numpy as np
 from drakeplan.robot_setup.link_tree import shape_points
 from scenes.effector import EFFECTORS, LEFT_PALM
 from scenes.input_error import InputError
+from scenes.library.plates import GOAL_RADIUS, START, level_plate
+from scenes.library.stairs import flight
 from scenes.robots.plant import RobotPlant
 from scenes.robots.robot import Robot
-from scenes.scene import Goal, Scene, Start
-from scenes.terrain.surface import Surface
+from scenes.scene import Goal, Scene
 from scenes.terrain.terrain import Terrain
 
 OVER_FOOT = 0.02  # [m] half edge of the square over a sole that the CoM is shifted into
-FRICTION = 0.6
 DEADLINE = 60.0  # [s] of each planned crossing
 RISE, MOST_OF_STEP = 0.15, 0.6  # [m] of a stair, and the share of the highest step where that is less
 TREADS = 3
@@ -192,9 +192,9 @@ def level_ground(robot: Robot) -> Scene:
     Args:
         robot: that is to cross it.
     """
-    wide = robot.foot_separation[1] + 1.0
-    ground = _plate("ground", -0.5, FLAT_LENGTH + 0.5, wide, 0.0)
-    return Scene("level_ground", Terrain((ground,)), Start((0.0, 0.0, 0.0), 0.0), Goal((FLAT_LENGTH, 0.0, 0.0), 0.2))
+    half = 0.5 * (robot.foot_separation[1] + 1.0)
+    ground = level_plate("ground", (-0.5, FLAT_LENGTH + 0.5), (-half, half))
+    return Scene("level_ground", Terrain((ground,)), START, Goal((FLAT_LENGTH, 0.0, 0.0), GOAL_RADIUS))
 
 
 def stair(robot: Robot) -> Scene:
@@ -206,16 +206,6 @@ def stair(robot: Robot) -> Scene:
     rise = min(RISE, MOST_OF_STEP * robot.max_step_height)
     foot = robot.effectors[0]
     going = max(0.28, 2 * foot.half_extent[0] + sum(foot.overhang[:2]) + 0.06)
-    wide = robot.foot_separation[1] + 0.8
-    first = 0.5
-    plates = [_plate("ground", -0.6, first, wide, 0.0)]
-    for k in range(1, TREADS + 1):
-        end = first + k * going + (0.9 if k == TREADS else 0.0)
-        plates.append(_plate(f"tread_{k}", first + (k - 1) * going, end, wide, k * rise))
-    goal = Goal((first + (TREADS - 1) * going + 0.5, 0.0, TREADS * rise), 0.2)
-    return Scene(f"a stair of {100 * rise:.0f} cm steps", Terrain(tuple(plates)), Start((0.0, 0.0, 0.0), 0.0), goal)
-
-
-def _plate(name: str, begin: float, end: float, wide: float, z: float) -> Surface:
-    y = 0.5 * wide
-    return Surface(name, np.array([[begin, -y, z], [end, -y, z], [end, y, z], [begin, y, z]]), FRICTION)
+    half = 0.5 * (robot.foot_separation[1] + 0.8)
+    name = f"a stair of {100 * rise:.0f} cm steps"
+    return flight(name, rise, going, TREADS - 1, foot=0.5, half_width=half)

@@ -249,7 +249,6 @@ def _mirrored(tree: LinkTree, limbs: Limbs, notes: list[str]) -> list[MirroredJo
 
 
 def _note_doubts(tree: LinkTree, d: Description, mimics: set[str]) -> None:
-    leg = len(tree.way(d.limbs.feet[0])) - len(tree.way(d.limbs.torso))
     way = tree.way(d.limbs.feet[0])
     shared = sum(a == b for a, b in zip(way, tree.way(d.limbs.feet[1]), strict=False))
     leg = len(way) - shared

@@ -89,8 +89,9 @@ def find_limbs(tree: LinkTree, given: dict[str, str]) -> Limbs:
             raise InputError(f"--{effector.replace('_', '-')}: the model has no link {body!r}")
     chosen = {effector: owner[body] for effector, body in given.items()}
     _complete(tree, chosen, owner)
-    origin = {e: "named by you" if e in given else f"mirrors {given_name}" for e, given_name in
-              ((e, chosen[EFFECTORS[EFFECTORS.index(e) ^ 1]]) for e in chosen)}  # fmt: skip
+    origin = {
+        e: "named by you" if e in given else f"mirrors {chosen[EFFECTORS[EFFECTORS.index(e) ^ 1]]}" for e in chosen
+    }
     pairs = list(_pairs(tree, owner))
     if EFFECTORS[0] in chosen:
         feet = (chosen[EFFECTORS[0]], chosen[EFFECTORS[1]])

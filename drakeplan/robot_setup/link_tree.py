@@ -18,8 +18,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from scenes.robots.drake_parser import add_model, reading
-
-ROUND = 24  # points around a cylinder or capsule
+from scenes.robots.solid_points import solid_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,29 +213,13 @@ def shape_points(inspector: SceneGraphInspector, geometry: GeometryId) -> np.nda
     """
     shape = inspector.GetShape(geometry)
     if isinstance(shape, Box):
-        signs = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
-        return 0.5 * signs * shape.size()
+        return solid_points("box", shape.size())
     if isinstance(shape, Sphere):
-        return shape.radius() * _sphere()
+        return solid_points("sphere", [shape.radius()])
     if isinstance(shape, Ellipsoid):
-        return _sphere() * [shape.a(), shape.b(), shape.c()]
-    if isinstance(shape, Capsule):
-        half = np.array([0.0, 0.0, 0.5 * shape.length()])
-        return np.concatenate([shape.radius() * _sphere() + half, shape.radius() * _sphere() - half])
-    if isinstance(shape, Cylinder):
-        angle = 2 * np.pi * np.arange(ROUND) / ROUND
-        ring = shape.radius() * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
-        half = np.array([0.0, 0.0, 0.5 * shape.length()])
-        return np.concatenate([ring + half, ring - half])
+        return solid_points("ellipsoid", [shape.a(), shape.b(), shape.c()])
+    if isinstance(shape, Capsule | Cylinder):
+        kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
+        return solid_points(kind, [shape.radius(), shape.length()])
     hull = inspector.GetConvexHull(geometry)
     return np.array([hull.vertex(i) for i in range(hull.num_vertices())]) if hull else np.zeros((0, 3))
-
-
-def _sphere() -> np.ndarray:
-    """(N, 3) unit vectors, those along the axes among them."""
-    ring = np.arange(ROUND) * 2 * np.pi / ROUND
-    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ROUND // 2 + 1)
-    azimuth, elevation = (a.ravel() for a in np.meshgrid(ring, rise))
-    return np.column_stack(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-    )

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Role
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from drakeplan.robot_setup.link_tree import shape_points
 from scenes.effector import EFFECTORS
+from scenes.files.scene_solids import hull_faces
 from scenes.files.whole_file import write_whole
 from scenes.robots.plant import RobotPlant, build_plant, nominal_posture
 from scenes.robots.robot import Robot
@@ -75,14 +76,10 @@ def _triangles(robot_plant: RobotPlant) -> np.ndarray:
             X = plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
             points = shape_points(inspector, geometry)
             try:
-                hull = ConvexHull(points)
+                corners, faces = hull_faces(points)
             except (QhullError, ValueError):
                 continue
-            faces = points[hull.simplices]
-            normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-            inwards = np.einsum("fk,fk->f", normals, hull.equations[:, :3]) < 0
-            faces[inwards] = faces[inwards][:, ::-1]
-            parts.append(faces @ X.rotation().matrix().T + X.translation())
+            parts.append(corners[faces] @ X.rotation().matrix().T + X.translation())
     return np.concatenate(parts) if parts else np.zeros((0, 3, 3))
 
 

@@ -78,11 +78,10 @@ def find_standing(
         seed: of the starts.
     """
     rng = np.random.default_rng(seed)
-    legs = [tree.way(s.link)[1] for s in soles]
     hips = [tree.origin(n) for n in _hip_links(tree, soles)]
     wide = soles[0].half_extent[1] + soles[0].overhang[2]
     separation = max(abs(float(hips[0][1] - hips[1][1])), 2 * wide + 0.04)
-    problem = _Problem(tree, soles, palms, mirrored, R_BF, separation, legs)
+    problem = _Problem(tree, soles, palms, mirrored, R_BF, separation)
     tall = problem.tallest(rng)
     if tall is None:
         return "no posture has both soles flat on the ground: are these the feet, and are the joint limits right?"
@@ -113,7 +112,6 @@ class _Problem:
     mirrored: Sequence[MirroredJoint]
     R_BF: np.ndarray
     separation: float
-    legs: list[str]
 
     def _program(self) -> InverseKinematics:
         plant = self.tree.plant

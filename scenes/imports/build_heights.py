@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from scenes.imports.placement import UNITS, placement_of
 from scenes.imports.text_file import read_bytes
 from scenes.input_error import InputError
 from scenes.meshes.height_map import import_height_map
-from scenes.meshes.mesh_import import mesh_name
+from scenes.meshes.mesh_import import MeshImport, mesh_name
 
 
 def build_heights(path: Path, options: ImportOptions, out: Path) -> Built:
@@ -52,28 +53,10 @@ def build_heights(path: Path, options: ImportOptions, out: Path) -> Built:
     height, filled = without_small_holes(height, options.close / resolution)
     changes = [Change("filled", filled, "cells", f"in holes up to {options.close:g} m wide")]
 
-    reused = path.suffix.lower() == ".npz" and not filled and unit == 1.0 and is_inside(path, out.parent)
-    reused = reused and _is_plain(data, height, path)
-    target = path if reused else out.parent / f"{mesh_name(out)}_heights.npz"
-    if not reused and target.resolve() == path.resolve():  # the user's own file stays as it is
-        target = target.with_stem(f"{target.stem}_imported")
-    content = data if reused else height_archive(height)
-    shift = (0.0, 0.0) if place.offset is None else place.offset[:2]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / target.name
-        file.write_bytes(content)
-        try:
-            made = import_height_map(
-                file,
-                reference=target.name,
-                name=f"{mesh_name(target)}_map",
-                resolution=resolution,
-                origin=(float(origin[0]), float(origin[1])),
-                friction=options.friction,
-                shift=shift,
-            )
-        except InputError as error:
-            raise InputError(str(error).replace(str(file), str(path))) from None
+    shift = (0.0, 0.0) if place.offset is None else (float(place.offset[0]), float(place.offset[1]))
+    kept = _kept_map(path, data, height, out, as_it_was=not filled and unit == 1.0)
+    made = _surfaces_of(kept, path, resolution, origin, options.friction, shift)
+    target = kept.file
     obstacle = dataclasses.replace(made.obstacle, path=target)
     y, x = np.nonzero(np.isfinite(height))
     grid = np.stack(
@@ -89,8 +72,52 @@ def build_heights(path: Path, options: ImportOptions, out: Path) -> Built:
         (*place.notes, *(note.removeprefix(f"{target.name}: ") for note in made.notes)),
         tuple(hints),
         grid,
-        {} if reused else {target.name: content},
+        {} if kept.is_users else {target.name: kept.content},
     )
+
+
+@dataclass(frozen=True)
+class _KeptMap:
+    """The archive that the scene file will name, and whether it is the user's own, which stays as it is."""
+
+    file: Path
+    content: bytes
+    is_users: bool
+
+
+def _kept_map(path: Path, data: bytes, height: np.ndarray, out: Path, *, as_it_was: bool) -> _KeptMap:
+    if path.suffix.lower() == ".npz" and as_it_was and is_inside(path, out.parent) and _is_plain(data, height, path):
+        return _KeptMap(path, data, True)
+    target = out.parent / f"{mesh_name(out)}_heights.npz"
+    if target.resolve() == path.resolve():
+        target = target.with_stem(f"{target.stem}_imported")
+    return _KeptMap(target, height_archive(height), False)
+
+
+def _surfaces_of(
+    kept: _KeptMap,
+    path: Path,
+    resolution: float,
+    origin: tuple[float, ...],
+    friction: float,
+    shift: tuple[float, float],
+) -> MeshImport:
+    """What the scene file will make of the map; errors name the user's file."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / kept.file.name
+        file.write_bytes(kept.content)
+        try:
+            return import_height_map(
+                file,
+                reference=kept.file.name,
+                name=f"{mesh_name(kept.file)}_map",
+                resolution=resolution,
+                origin=(float(origin[0]), float(origin[1])),
+                friction=friction,
+                shift=shift,
+            )
+        except InputError as error:
+            raise InputError(str(error).replace(str(file), str(path))) from None
 
 
 def _is_plain(data: bytes, height: np.ndarray, path: Path) -> bool:

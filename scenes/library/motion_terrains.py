@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.library.plates import FRICTION, GOAL_RADIUS, START, level_plate
+from scenes.library.plates import FRICTION, GOAL_RADIUS, START, level_plate, rectangle, tilted_plate
 from scenes.library.random_surfaces import crossing
+from scenes.library.stairs import flight
 from scenes.scene import Goal, Scene
 from scenes.terrain.surface import Surface
 from scenes.terrain.terrain import Terrain
@@ -47,14 +48,8 @@ def _level(rng: np.random.Generator) -> Scene:
 
 def _stairs(rng: np.random.Generator, step: float) -> Scene:
     rise, going = step * rng.uniform(*RISE), rng.uniform(*GOING)
-    count, first, side = int(rng.integers(TREADS[0], TREADS[1] + 1)), float(rng.uniform(0.4, 0.7)), (-0.6, 0.6)
-    surfaces = [level_plate("ground", (-0.6, first), side)]
-    for k in range(1, count + 1):
-        begin = first + (k - 1) * going
-        surfaces.append(level_plate(f"tread_{k}", (begin, begin + going), side, k * rise))
-    end = first + count * going
-    surfaces.append(level_plate("landing", (end, end + 1.2), side, (count + 1) * rise))
-    return Scene("stairs", Terrain(tuple(surfaces)), START, Goal((end + 0.6, 0.0, (count + 1) * rise), GOAL_RADIUS))
+    count, first = int(rng.integers(TREADS[0], TREADS[1] + 1)), float(rng.uniform(0.4, 0.7))
+    return flight("stairs", float(rise), float(going), count, foot=first, half_width=0.6)
 
 
 def _stones(rng: np.random.Generator, step: float) -> Scene:
@@ -67,7 +62,7 @@ def _stones(rng: np.random.Generator, step: float) -> Scene:
             x, y = near + (i + 0.5) * edge, (j - 0.5 * (lanes - 1)) * edge
             z = float(rng.uniform(-0.25, 0.25)) * step
             roll, pitch = rng.uniform(-TILT, TILT, 2)
-            surfaces.append(_tilted(f"stone_{i}_{j}", (x, y, z), edge - GAP, float(roll), float(pitch)))
+            surfaces.append(tilted_plate(f"stone_{i}_{j}", (x, y, z), rectangle(edge - GAP, edge - GAP), roll, pitch))
     far = near + rows * edge
     surfaces.append(level_plate("goal_platform", (far, far + 1.2), (-width / 2, width / 2)))
     return Scene("stones", Terrain(tuple(surfaces)), START, Goal((far + 0.6, 0.0, 0.0), GOAL_RADIUS))
@@ -86,9 +81,3 @@ def _slope(rng: np.random.Generator) -> Scene:
         level_plate("goal_platform", (near + length, near + length + 1.2), side, rise),
     )
     return Scene("slope", Terrain(surfaces), START, Goal((near + length + 0.6, 0.0, rise), GOAL_RADIUS))
-
-
-def _tilted(name: str, centre: tuple[float, float, float], edge: float, roll: float, pitch: float) -> Surface:
-    corners = 0.5 * edge * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    heights = corners[:, 0] * -np.tan(pitch) + corners[:, 1] * np.tan(roll)
-    return Surface(name, np.column_stack([corners, heights]) + centre, FRICTION)

@@ -36,3 +36,23 @@ def _riser(name: str, x: float, z: float) -> Surface:
     half = WIDTH / 2
     corners = [[x, half, z], [x, -half, z], [x, -half, z + RISE], [x, half, z + RISE]]
     return Surface(name, np.array(corners), FRICTION, frozenset())
+
+
+def flight(name: str, rise: float, going: float, treads: int, *, foot: float, half_width: float) -> Scene:
+    """Treads without risers between the ground and a landing, up or down, with start and goal.
+
+    Args:
+        name: of the scene.
+        rise: from tread to tread [m]; negative for stairs that lead down.
+        going: depth of a tread [m].
+        treads: how many.
+        foot: x where the flight begins [m].
+        half_width: of all of it [m].
+    """
+    side, end, top = (-half_width, half_width), foot + treads * going, (treads + 1) * rise
+    surfaces = [level_plate("ground", (-0.6, foot), side)]
+    for k in range(treads):
+        begin = foot + k * going
+        surfaces.append(level_plate(f"tread_{k}", (begin, begin + going), side, (k + 1) * rise))
+    surfaces.append(level_plate("landing", (end, end + LANDING), side, top))
+    return Scene(name, Terrain(tuple(surfaces)), START, Goal((end + LANDING / 2, 0.0, top), GOAL_RADIUS))

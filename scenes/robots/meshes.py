@@ -10,6 +10,7 @@ from lxml import etree  # type: ignore[attr-defined]
 
 from scenes.input_error import InputError
 from scenes.meshes.mesh_file import read_mesh
+from scenes.robots.solid_points import solid_points
 from scenes.robots.urdf_pose import numbers
 
 HULL_VERTICES = 64  # collision hulls keep about this many; distance queries slow down with them
@@ -85,24 +86,12 @@ def points_of(path: Path, scale: np.ndarray) -> np.ndarray:
 
 def points_of_solid(geometry: etree._Element) -> np.ndarray:
     """(N, 3) points whose hull is a URDF's box, sphere, cylinder, capsule or ellipsoid, or nearly so where it is round [m]."""
-    import trimesh
-
     solid = next(e for e in geometry if isinstance(e.tag, str))
     kind = etree.QName(solid).localname
-    ball = trimesh.creation.icosphere(subdivisions=2).vertices
     if kind == "box":
-        return (
-            0.5
-            * numbers(solid.get("size"), "0 0 0")
-            * np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
-        )
-    if kind == "ellipsoid":
-        return ball * [float(solid.get(k, "0")) for k in "abc"]
-    radius, end = float(solid.get("radius", "0")), [0.0, 0.0, 0.5 * float(solid.get("length", "0"))]
-    if kind == "cylinder":
-        angle = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
-        ball = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
-    return np.concatenate([radius * ball + end, radius * ball - end])
+        return solid_points(kind, numbers(solid.get("size"), "0 0 0"))
+    keys = {"sphere": ("radius",), "ellipsoid": ("a", "b", "c")}.get(kind, ("radius", "length"))
+    return solid_points(kind, [float(solid.get(key, "0")) for key in keys])
 
 
 def obj_text(vertices: np.ndarray, faces: Sequence[Sequence[int]] | np.ndarray) -> str:
