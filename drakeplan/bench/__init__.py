@@ -6,6 +6,7 @@ Each name is a module of this package with `run(options: BenchOptions)`, which r
 BENCHES = {
     "first": "time to the first contact sequence, rubble field and corridor, one thread",
     "footholds": "first contact sequences where steps move to the nearest foothold, beside fixed steps",
+    "bars": "foot placements on two bars, sampled and between edges, by gap (Grey 2017 fig. 4.10); picture in out/",
     "scenes": "verdicts of the verifier for every named scene and the meshes of hpp-environments",
     "verifier": "how close motions come to the verifier's limits on momenta, accelerations and torques",
     "command": "whole command from process start to files written: time and memory",
