@@ -133,20 +133,18 @@ def _nearest(points: np.ndarray, target: np.ndarray, num: int) -> np.ndarray:
     for k in range(points.shape[0]):
         off[k] = (points[k, 0] - target[0]) ** 2 + (points[k, 1] - target[1]) ** 2 + (points[k, 2] - target[2]) ** 2
     chosen, n = np.empty(num, np.int64), 0
-    for k in np.argsort(off):
-        alike = False
-        for m in range(n):
+    while n < num:
+        k = int(np.argmin(off))
+        if off[k] == np.inf:
+            break
+        chosen[n] = k
+        n += 1
+        for m in range(points.shape[0]):
             apart = 0.0
             for a in range(3):
-                apart += (points[k, a] - points[chosen[m], a]) ** 2
+                apart += (points[m, a] - points[k, a]) ** 2
             if apart < ALIKE * ALIKE:
-                alike = True
-                break
-        if not alike:
-            chosen[n] = k
-            n += 1
-            if n == num:
-                break
+                off[m] = np.inf
     return chosen[:n]
 
 
