@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from scenes.footholds.projection import PatchShape
-from scenes.footholds.raw_placement import Ball, Placement, axes_at, hold, make_placement, near_ball
+from scenes.footholds.projection import PatchShape, contact_axes
+from scenes.footholds.raw_placement import Ball, Placement, hold, make_placement, near_ball
 from scenes.terrain.packed_terrain import PackedTerrain
 
 SLIDES = 9  # places along two edges that face each other
@@ -71,7 +71,7 @@ def bridge_edges(
                     wanted = yaw + turn if np.cos(yaw + turn - heading) >= 0.0 else yaw + turn + np.pi
                     for r in range(3):
                         p[r] = middle[r] + side * ALL_THE_WAY * longer * way[r]
-                    axes_at(n, wanted, R)
+                    contact_axes(n, wanted, False, R)
                     count, friction = hold(packed, effector, patch, around, p, R, corners, work)
                     if count > 0:
                         best_off = off

@@ -16,7 +16,7 @@ from numba import njit
 
 from scenes.contact import MOST_CORNERS
 from scenes.footholds.partial_support import support_under
-from scenes.footholds.projection import PatchShape, contact_axes, has_room
+from scenes.footholds.projection import PatchShape, has_room
 from scenes.footholds.support_polygon import part_within
 from scenes.terrain.packed_terrain import PackedTerrain, near
 
@@ -184,15 +184,3 @@ def highest_over(
                     for b in range(3):
                         point[a] += R[a, b] * work[cur, c, b]
     return highest > 1e-6
-
-
-@njit(cache=True)
-def axes_at(normal: np.ndarray, heading: float, R: np.ndarray) -> None:
-    """Writes the contact frame (3, 3) of a foot.
-
-    Args:
-        normal: (3,) unit normal of the sole in W.
-        heading: yaw [rad].
-        R: (3, 3) written.
-    """
-    contact_axes(normal, heading, False, R)

@@ -18,11 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from scenes.footholds.projection import PatchShape
+from scenes.footholds.projection import PatchShape, contact_axes
 from scenes.footholds.raw_placement import (
     Ball,
     Placement,
-    axes_at,
     geometry_points,
     highest_over,
     hold,
@@ -100,7 +99,7 @@ def sample_foothold(
                 middle = options.seeded and k == 0
                 _point_between(plane, rng, middle, found.p)
                 yaw = heading if middle else 2.0 * np.pi * rng.random()
-                axes_at(n, yaw, found.R)
+                contact_axes(n, yaw, False, found.R)
                 off = 0.0
                 for a in range(3):
                     off += (found.p[a] - ball.centre[a]) ** 2
